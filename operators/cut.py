@@ -8,9 +8,8 @@ from ..skin_calib_addon.blender.scene import cut_away, link_meshes, link_objects
 from ..skin_calib_addon.blender.scene.decimals import vector
 from ..skin_calib_addon.blender.scene.skins import entry
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
-from ..skin_calib_addon.common.errors import InvalidMesh, SkinCalibError
+from ..skin_calib_addon.common.errors import InvalidMesh, SkinCalibError, counted
 from ..skin_calib_addon.geometry.grid.cut_planes import cut_normal
-from ..skin_calib_addon.geometry.mesh.defects import count
 from .lists import INDEX
 from .on_link import Edit, OnMesh
 from .picking import NORMAL, AtCursor, Picking
@@ -116,7 +115,7 @@ class SKIN_OT_cut_away(OnMesh, bpy.types.Operator):
             return {"CANCELLED"}
         cut_away.cut(link, chosen)
         link.skin_calib.result.outdated = True
-        self.report({"INFO"}, f"{link.name}: {count(int(chosen.sum()), 'face')} cut away")
+        self.report({"INFO"}, f"{link.name}: {counted(int(chosen.sum()), 'face')} cut away")
         return {"FINISHED"}
 
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from ..skin_calib_addon.blender.live import diagnoses
 from ..skin_calib_addon.blender.scene import link_meshes, link_objects, showing
-from ..skin_calib_addon.common.errors import SkinCalibError, UnknownLink
+from ..skin_calib_addon.common.errors import SkinCalibError, UnknownLink, counted
 from ..skin_calib_addon.common.findings import show
-from ..skin_calib_addon.geometry.mesh.defects import count, edges_at
+from ..skin_calib_addon.geometry.mesh.defects import edges_at
 from ..skin_calib_addon.geometry.mesh.triangle_mesh import read_mesh
 from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, UNITS, likely_mistake, likely_unit
 from ..skin_calib_addon.robot.link_mesh import USES, load_link, meshes_of
@@ -27,7 +27,7 @@ def add_link(operator, context, mesh, unit, name, file):
     hidden = showing.present(context, [link])
     side = float(np.ptp(mesh.vertices, axis=0).max()) * UNITS[unit]
     wrong = likely_mistake(side)
-    size = f"{name}: {count(len(mesh.faces), 'face')} in {UNIT_NAMES[unit]}, {side * 1e3:.4g} mm long"
+    size = f"{name}: {counted(len(mesh.faces), 'face')} in {UNIT_NAMES[unit]}, {side * 1e3:.4g} mm long"
     ending = ". Check the unit" if wrong else f". {hidden}" if hidden else ""
     operator.report({"WARNING"} if wrong else {"INFO"}, size + ending)
 
@@ -210,7 +210,7 @@ class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
             self.report({"INFO"}, f"{link.name}: no edge to select; {made}")
             return {"CANCELLED"}
         self.select(context, link.data, edges, chosen)
-        self.report({"INFO"}, f"{link.name}: {count(int(chosen.sum()), 'edge')} selected")
+        self.report({"INFO"}, f"{link.name}: {counted(int(chosen.sum()), 'edge')} selected")
         return {"FINISHED"}
 
     def select(self, context, data, edges, chosen):

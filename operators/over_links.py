@@ -9,8 +9,7 @@ from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.live.background import Work
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.scene import skins
-from ..skin_calib_addon.common.errors import SkinCalibError
-from ..skin_calib_addon.geometry.mesh.defects import count
+from ..skin_calib_addon.common.errors import SkinCalibError, counted
 from .working import Waiting, WhileIdle
 
 
@@ -58,7 +57,7 @@ class OverLinks(Waiting, WhileIdle):
     def modal(self, context, event):
         if event.type == "ESC":
             self.end(context)
-            self.report({"INFO"}, f"Stopped. Finished: {self.done} of {count(self.total, 'link')}")
+            self.report({"INFO"}, f"Stopped. Finished: {self.done} of {counted(self.total, 'link')}")
             return {"FINISHED"} if self.done else {"CANCELLED"}  # what is finished is one step of undo
         if event.type == "TIMER" and self.work.is_done():
             updates.release(self.subject)
@@ -118,5 +117,5 @@ class OverLinks(Waiting, WhileIdle):
         if self.total == 1 and self.refusals:
             return self.refuse(self.refusals[0])
         refused = f"; refused: {len(self.refusals)}" if self.refusals else ""
-        self.report({"INFO"}, f"{self.did} {count(self.done, 'link')}{refused}")
+        self.report({"INFO"}, f"{self.did} {counted(self.done, 'link')}{refused}")
         return {"FINISHED"}

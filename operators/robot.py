@@ -11,9 +11,8 @@ from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans, r
 from ..skin_calib_addon.blender.scene.preferences import preferences
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import refusal_of
-from ..skin_calib_addon.common.errors import InvalidMesh, InvalidPlan, OutputError, SkinCalibError, listed
+from ..skin_calib_addon.common.errors import InvalidMesh, InvalidPlan, OutputError, SkinCalibError, counted, listed
 from ..skin_calib_addon.common.findings import printable
-from ..skin_calib_addon.geometry.mesh.defects import count
 from ..skin_calib_addon.pipeline.robot_folder import save_link, save_robot
 from ..skin_calib_addon.proposal.links import Task, numbered, plan_path, propose_task, robot_of
 from ..skin_calib_addon.proposal.skins import parse_skin
@@ -32,7 +31,7 @@ def add_robot(operator, context, path, robot, poses, meshes, problems):
     """Add all links, show them, and report those whose meshes cannot be read."""
     links = robots.add_robot(context, path, robot, poses, meshes, problems)
     hidden = showing.present(context, [*links, *(link.parent for link in links)])
-    size = f"{robot.name or path.stem}: {count(len(links), 'link')} with a mesh"
+    size = f"{robot.name or path.stem}: {counted(len(links), 'link')} with a mesh"
     operator.report({"INFO"}, f"{size}. {hidden}" if hidden else size)
     for link, problem in problems.items():
         operator.report({"WARNING"}, f"{printable(link)}: {problem}")
@@ -216,7 +215,7 @@ class SKIN_OT_export_robot(WhileIdle, OnLinks, bpy.types.Operator):
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Wrote {count(len(links), 'calibration')} and robot.json to {folder}")
+        self.report({"INFO"}, f"Wrote {counted(len(links), 'calibration')} and robot.json to {folder}")
         return {"FINISHED"}
 
 

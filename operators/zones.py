@@ -8,8 +8,7 @@ import numpy as np
 
 from ..skin_calib_addon.blender.scene import link_meshes
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
-from ..skin_calib_addon.common.errors import InvalidMesh
-from ..skin_calib_addon.geometry.mesh.defects import count
+from ..skin_calib_addon.common.errors import InvalidMesh, counted
 from ..skin_calib_addon.skin.zones import discs_over
 from .lists import OnSkin
 from .on_link import Edit
@@ -41,7 +40,7 @@ class SKIN_OT_zones_from_faces(OnSkin, Edit, bpy.types.Operator):
         for point, radius in discs:
             zone = skin.excluded.add()
             zone.point, zone.radius = point / metre, radius / metre
-        self.report({"INFO"}, f"{skin.name}: {count(len(discs), 'zone')} for {count(int(chosen.sum()), 'face')}")
+        self.report({"INFO"}, f"{skin.name}: {counted(len(discs), 'zone')} for {counted(int(chosen.sum()), 'face')}")
 
 
 def selected(link):

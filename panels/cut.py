@@ -5,7 +5,7 @@ import bpy
 
 from ..skin_calib_addon.blender.scene import cut_away
 from ..skin_calib_addon.blender.scene.plans import shown_index, surface_names
-from ..skin_calib_addon.geometry.mesh.defects import count
+from ..skin_calib_addon.common.errors import counted
 from .base import Step, button, draw_plane, is_narrow, what_is_wrong
 
 MAX_ROWS = 5  # of the list
@@ -43,7 +43,7 @@ class CutStep(Step):
     def figure(self, plan):
         cuts = len(plan.cover.cuts)
         shell = plan.cover.bl_rna.properties["shell"].enum_items[plan.cover.shell].name
-        return f"{shell}, {count(cuts, 'cut')}" if cuts else shell
+        return f"{shell}, {counted(cuts, 'cut')}" if cuts else shell
 
     def draw_plan(self, layout, plan):
         self.draw_surfaces(layout, plan)

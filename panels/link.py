@@ -6,7 +6,7 @@ import bpy
 from ..skin_calib_addon.blender.live import diagnoses
 from ..skin_calib_addon.blender.scene.link_objects import longest_side, namesakes
 from ..skin_calib_addon.blender.scene.preferences import preferences
-from ..skin_calib_addon.geometry.mesh.defects import count
+from ..skin_calib_addon.common.errors import counted
 from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, likely_mistake
 from .base import Step, button, buttons, field, show_text, show_warning
 from .robot import listed
@@ -68,7 +68,7 @@ class MeshStep(Step):
 
     def figure(self, plan):
         serious = sum(finding.severity != "note" for finding in plan.diagnosis.findings)
-        return count(serious, "warning") if serious else "checked" if plan.diagnosis.key else ""
+        return counted(serious, "warning") if serious else "checked" if plan.diagnosis.key else ""
 
     def draw_plan(self, layout, plan):
         found = plan.diagnosis

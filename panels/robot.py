@@ -8,7 +8,7 @@ import bpy
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.scene import robots
 from ..skin_calib_addon.blender.scene.preferences import preferences
-from ..skin_calib_addon.geometry.mesh.defects import count
+from ..skin_calib_addon.common.errors import counted
 from .base import Step, button, buttons, field, show_text
 
 MAX_ROWS = 8  # of the list. Larger: the panels below it move down.
@@ -25,7 +25,7 @@ def state_of(link):
     if result.key and result.outdated:
         return "changed after its fit", "FILE_REFRESH", ""
     if result.key and warnings:
-        return f"fitted, {count(warnings, 'warning')}", "ERROR", ""
+        return f"fitted, {counted(warnings, 'warning')}", "ERROR", ""
     if result.key:
         return "fitted", "CHECKMARK", ""
     if settings.skins:

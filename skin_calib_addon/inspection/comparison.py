@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from ..calibration.exchange import TaxelSet, read_taxels
 from ..calibration.file import load_with_warnings
 from ..common.arrays import Array, IntArray
-from ..common.errors import CalibrationFormatError, listed
+from ..common.errors import CalibrationFormatError, counted, listed
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.registration import MAX_REMAINING_RATIO, ON_MESH_DISTANCE, find_frame
 from .all_taxels import AllTaxels
@@ -155,15 +155,11 @@ def _unpaired(
     others = [labels[row] for row in np.setdiff1d(np.arange(len(labels)), theirs)]
     repeated = len(ours) - len(np.unique(ours))
     if alone:
-        yield f"{_count(alone)} of the link without a partner in the file: {listed(alone)}"
+        yield f"{counted(len(alone), 'taxel')} of the link without a partner in the file: {listed(alone)}"
     if others:
-        yield f"{_count(others)} of the file without a partner on the link: {listed(others)}"
+        yield f"{counted(len(others), 'taxel')} of the file without a partner on the link: {listed(others)}"
     if by == "nearest" and repeated:
         yield f"{repeated} of the file have the same nearest taxel of the link as another one"
-
-
-def _count(names: list[str]) -> str:
-    return f"{len(names)} taxel" + ("s" if len(names) > 1 else "")
 
 
 def _inward(angles: Array | None) -> Iterator[str]:

@@ -30,8 +30,8 @@ from .trial import Start, Trial, judged, region_size, site_steps
 # [m^2] that a surface adds. Larger: fewer surfaces, less is covered. With boards of 7 cm^2, half only takes 1.3 times
 # the time; it acts for smaller boards and for sheets.
 MIN_AREA = 6e-4
-# [fraction] of the free area of a link that each surface after the first adds. Larger: fewer surfaces on links larger
-# than the trunk of a G1. Without it the torso of a Baxter, 1.2 m^2, has more than 120 of them.
+# [fraction] of the free area of a link that each surface after the first adds. Larger: fewer surfaces on large links,
+# above 0.3 m^2. Without it the torso of a Baxter, 1.2 m^2, has more than 120 of them.
 MIN_FRACTION = 2e-3
 # [m] distance of the sites that give the boundary. Larger: less exact boundaries (double: 47 instead of 55 boards on
 # four links of the G1; half: 53, 1.4 times the time).

@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
+from ...common.errors import counted
 from ...inspection.replaying import Replay
 from ..live import events
 from ..overlay import drawing
@@ -104,7 +105,7 @@ def _forces(replay: Replay, frame: Any) -> Layer:
 
 def _message_lines(replay: Replay, frame: Any) -> Any:
     """Yield the lines of the panel."""
-    contacts = f"{len(frame.contacts)} contact" + ("" if len(frame.contacts) == 1 else "s")
+    contacts = counted(len(frame.contacts), "contact")
     yield f"{frame.time:.3f} s: {contacts}, {sum(c.force for c in frame.contacts):.2f} N"
     if frame.cop is not None:
         x, y = 1e3 * frame.cop

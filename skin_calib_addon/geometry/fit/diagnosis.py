@@ -268,8 +268,9 @@ def fit_warnings(
         Distances from the mesh that are warned of.
     """
     yield from lines.warnings
-    missed = samples.missed
+    missed, what = samples.missed, "mesh"
     if samples.outside is not None:  # single rays miss at the rim; next to hits the surface is no extrapolation
+        what = "cover inside the boundary"
         missed &= ~ndimage.binary_dilation(~np.isnan(samples.residuals))
     if missed.any():
         around = missed.mean(axis=1)[:, None] + missed.mean(axis=0)
@@ -278,7 +279,7 @@ def fit_warnings(
         yield Warning(
             "missing-samples",
             "warning",
-            f"{samples.missing:.1%} of the sample rays do not hit the mesh, most of them {place.words}. "
+            f"{samples.missing:.1%} of the sample rays do not hit the {what}, most of them {place.words}. "
             "The surface there is extrapolated.",
             place,
             samples.missing,

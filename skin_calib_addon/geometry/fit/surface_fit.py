@@ -572,12 +572,12 @@ def iterate(
     """
     best, least = (offsets, samples), rms_residual(samples.residuals + gaps)
     moves: list[float] = []
+    bounded = samples.outside is not None
     for iterations in range(1, MAX_FIT_ITERATIONS + 1):  # noqa: B007
         step = basis.solve(samples.residuals + gaps, offsets)
         offsets = offsets + step
         samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
         misfit = rms_residual(samples.residuals + gaps)
-        bounded = samples.outside is not None
         if misfit > DIVERGENCE_RATIO * least and not bounded:
             break
         if misfit < least:

@@ -1,10 +1,9 @@
 """The facets of a mesh, and their corners: parts of the shape that do not depend on its division into triangles."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ...common.arrays import Array, BoolArray, IntArray
+from ..components import components
 from .triangle_mesh import TriangleMesh
 
 # [rad] angle between faces below which they are in one plane. It is above the rounding of files in single precision,
@@ -28,12 +27,10 @@ def facet_corners(mesh: TriangleMesh, faces: IntArray) -> BoolArray:
     -------
     array of bool, shape (v,)
     """
-    count = len(mesh.faces)
     a, b = mesh.adjacency
     flat = np.linalg.norm(np.cross(mesh.face_normals[a], mesh.face_normals[b]), axis=1) < FLAT_ANGLE
-    graph = coo_array((np.ones(flat.sum()), (a[flat], b[flat])), shape=(count, count))
-    facet = connected_components(graph, directed=False)[1]
-    chosen = np.zeros(count, bool)
+    facet = components(len(mesh.faces), a[flat], b[flat])
+    chosen = np.zeros(len(mesh.faces), bool)
     chosen[facet[faces]] = True
     of_facets = np.zeros(len(mesh.vertices), bool)
     of_facets[mesh.faces[chosen[facet]]] = True

@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, Delaunay, QhullError
 from trimesh.intersections import slice_faces_plane
 
 from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidMesh, InvalidPlan
+from ..components import components
 from .closest import split_faces
 from .triangle_mesh import TriangleMesh, weld
 from .visibility import visibility
@@ -166,11 +165,7 @@ def fraction_inside(hull: Delaunay | None, mesh: TriangleMesh, faces: IntArray) 
 
 def shells(mesh: TriangleMesh) -> IntArray:
     """Return the number of the shell of each face, shape (f,): an edge connects faces if it belongs to exactly two."""
-    count = len(mesh.faces)
-    a, b = mesh.adjacency
-    return connected_components(coo_array((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1].astype(
-        np.int64
-    )
+    return components(len(mesh.faces), *mesh.adjacency)
 
 
 def convex_hull(points: Array) -> Delaunay | None:

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ...common.arrays import Array, BoolArray, IntArray, freeze, unit
-from ...common.errors import listed
+from ...common.errors import counted, listed
 from ...common.warnings import Warning
+from ..components import components
 from .cover import is_outer, shells
 from .outliers import without_outliers
 from .triangle_mesh import TriangleMesh, weld
@@ -83,7 +82,7 @@ class Diagnosis:
 
     def _size(self) -> Iterator[Warning]:
         sides = " x ".join(f"{side * 1e3:.4g}" for side in np.ptp(self.mesh.vertices, axis=0))
-        yield _finding("mesh-size", f"{count(len(self.mesh.faces), 'face')}, {sides} mm")
+        yield _finding("mesh-size", f"{counted(len(self.mesh.faces), 'face')}, {sides} mm")
 
     def _parts(self) -> Iterator[Warning]:
         if self.parts == 1:
@@ -102,7 +101,7 @@ class Diagnosis:
             return
         sizes = listed([f"{length * 1e3:.4g}" for length in lengths])
         advice = "Ends may be open. Elsewhere the fit has no data: fill the holes, or keep the skin away from them."
-        what = f"{count(len(lengths), 'hole')}, circumference {sizes} mm"
+        what = f"{counted(len(lengths), 'hole')}, circumference {sizes} mm"
         yield _finding("holes", what, len(lengths) > 2, advice)  # a tube has two ends
 
     def _edges(self) -> Iterator[Warning]:
@@ -111,30 +110,30 @@ class Diagnosis:
         split = self.parts > self.joined
         advice = "One surface may be counted as several parts there." if split else ""
         merge = "Delete the faces that protrude, or those inside." if split else ""
-        what = f"{count(len(self.branching), 'edge')} with more than two faces"
+        what = f"{counted(len(self.branching), 'edge')} with more than two faces"
         yield _finding("branching-edges", what, split, f"{advice} {merge}".strip())
 
     def _winding(self) -> Iterator[Warning]:
         advice = "No effect on tubes. For sectors, faces and boards recalculate the normals outside (Shift-N)."
         flipped = int((self.flipped & self.seen).sum())
         if flipped:
-            yield _finding("flipped-faces", f"{count(flipped, 'face')} with a flipped normal", True, advice)
+            yield _finding("flipped-faces", f"{counted(flipped, 'face')} with a flipped normal", True, advice)
         if self.inward:
-            yield _finding("inward-part", f"{count(len(self.inward), 'part')} with inward normals", True, advice)
+            yield _finding("inward-part", f"{counted(len(self.inward), 'part')} with inward normals", True, advice)
         if self.one_sided:
-            what = f"{count(self.one_sided, 'part')} with one side only"
+            what = f"{counted(self.one_sided, 'part')} with one side only"
             yield _finding("one-sided-part", what, True, "It has no outside, like a Moebius strip: cut it open.")
 
     def _faces(self) -> Iterator[Warning]:
         if self.dropped:
-            yield _finding("dropped-faces", f"{count(self.dropped, 'face')} without area or repeated, left out")
+            yield _finding("dropped-faces", f"{counted(self.dropped, 'face')} without area or repeated, left out")
         if self.flat:
-            yield _finding("flat-faces", f"{count(self.flat, 'face')} with nearly no height")
+            yield _finding("flat-faces", f"{counted(self.flat, 'face')} with nearly no height")
         doubled = int(self.doubled.sum())
         if doubled:
             matters = (self.mesh.face_areas * self.doubled).sum() > MAX_DOUBLED_FRACTION * self.mesh.face_areas.sum()
             advice = "A wall without thickness has no outside: delete one side." if matters else ""
-            yield _finding("back-to-back", f"{count(doubled, 'face')} back to back", bool(matters), advice)
+            yield _finding("back-to-back", f"{counted(doubled, 'face')} back to back", bool(matters), advice)
 
 
 def _finding(code: str, message: str, affects_fit: bool = False, advice: str = "") -> Warning:
@@ -213,23 +212,6 @@ def edges_at(segments: Array, vertices: Array, edges: IntArray) -> BoolArray:
     return np.isin(second, first)
 
 
-def count(number: int, thing: str) -> str:
-    """Return a number and its noun, such as "1 face" or "2 faces".
-
-    Parameters
-    ----------
-    number : int
-        The number.
-    thing : str
-        The noun in the singular.
-
-    Returns
-    -------
-    str
-    """
-    return f"{number} {thing}{'' if number == 1 else 's'}"
-
-
 def _is_flat(mesh: TriangleMesh) -> BoolArray:
     return 2 * mesh.face_areas <= FLAT_FACE_RATIO * mesh.size * mesh.longest_sides
 
@@ -249,12 +231,12 @@ def _joined(faces: int, edge: IntArray, face: IntArray) -> int:
     order = np.argsort(edge, kind="stable")
     edge, face = edge[order], face[order]
     same = edge[1:] == edge[:-1]
-    return _components(faces, face[:-1][same], face[1:][same])[0]
+    return int(components(faces, face[:-1][same], face[1:][same]).max(initial=-1)) + 1
 
 
 def _holes(vertices: int, rims: IntArray) -> IntArray:
     """Return the number of the hole of each rim: rims with a common vertex belong to one hole."""
-    labels = _components(vertices, rims[:, 0], rims[:, 1])[1][rims[:, 0]]
+    labels = components(vertices, rims[:, 0], rims[:, 1])[rims[:, 0]]
     return np.unique(labels, return_inverse=True)[1].astype(np.int64)
 
 
@@ -273,7 +255,7 @@ def _sides(
     against = half[order[:, 0], 0] == half[order[:, 1], 0]
     first = np.concatenate((one, one + n))
     second = np.concatenate((other + n * against, other + n * ~against))
-    label = _components(2 * n, first, second)[1]
+    label = components(2 * n, first, second)
     _, root = np.unique(part, return_index=True)
     one_sided = label[:n] == label[n:]
     reversed_ = (label[:n] != label[root][part]) & ~one_sided
@@ -289,9 +271,3 @@ def _inward(mesh: TriangleMesh, part: IntArray, seen: BoolArray, flipped: BoolAr
     outward = (unit(centres - centre[part]) * mesh.face_normals).sum(axis=1) * np.where(flipped, -1, 1)
     mean_cosine = np.bincount(part, areas * outward) / area
     return tuple(np.flatnonzero((mean_cosine < -INWARD_COSINE) & (np.bincount(part, seen) > 0)).tolist())
-
-
-def _components(nodes: int, first: IntArray, second: IntArray) -> tuple[int, IntArray]:
-    graph = coo_array((np.ones(len(first)), (first, second)), shape=(nodes, nodes))
-    number, labels = connected_components(graph, directed=False)
-    return int(number), labels.astype(np.int64)

@@ -1,10 +1,9 @@
 """Rays inside a boundary that pass a rim or a hole of the cover, and hit a part of the mesh below it."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ...common.arrays import Array, BoolArray, unit
+from ..components import components
 
 # [m] step from one hit to the next, beyond what the slopes of both faces explain, above which they are on different
 # parts. Larger: deeper holes pull the surface; smaller: edges of the cover are steps.
@@ -18,6 +17,8 @@ MAX_FRACTION = 0.25
 
 def below_rims(hits: Array, rays: Array, normals: Array, closed: bool) -> BoolArray:
     """Return which hits are on a small part of the mesh, one step below a larger one, shape (k, l).
+
+    Hits at adjacent sites are on one part if the step between them is what the slopes of both faces explain.
 
     Parameters
     ----------
@@ -50,14 +51,15 @@ def below_rims(hits: Array, rays: Array, normals: Array, closed: bool) -> BoolAr
     linked = (steps > slopes.min(axis=0) - MIN_STEP) & (steps < slopes.max(axis=0) + MIN_STEP)
     below = np.zeros(number.size, bool)
     if not linked.all():
-        links = coo_array((np.ones(linked.sum(), bool), (a[linked], b[linked])), (number.size, number.size))
-        part = connected_components(links, directed=False)[1]
+        part = components(number.size, a[linked], b[linked])
         sizes = np.bincount(part, known)
-        first, second = part[np.where(steps > 0, a, b)[~linked]], part[np.where(steps > 0, b, a)[~linked]]
+        up_to_b = steps[~linked] > 0
+        a, b = part[a[~linked]], part[b[~linked]]
+        lower, upper = np.where(up_to_b, a, b), np.where(up_to_b, b, a)
         dropped = np.zeros(len(sizes), bool)
-        for lower in np.unique(first)[np.argsort(-sizes[np.unique(first)], kind="stable")]:  # the largest first
-            upper = second[first == lower]
-            dropped[lower] = (~dropped[upper] & (sizes[lower] <= MAX_FRACTION * sizes[upper])).any()
+        for i in sorted(np.unique(lower), key=lambda i: -sizes[i]):  # a part below one that is dropped may stay
+            over = upper[lower == i]
+            dropped[i] = (~dropped[over] & (sizes[i] <= MAX_FRACTION * sizes[over])).any()
         below = dropped[part] & known
     return below.reshape(number.shape)
 

@@ -1,10 +1,9 @@
 """The curves of one section: chains of segments, the outer curve, and the order of its intersections with rays."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ...common.arrays import Array, BoolArray, IntArray
+from ..components import components
 
 # [fraction of the rays] that must hit a curve last, and this fraction must also intersect it 1, 3, 5 ... times, for it
 # to be the outer curve. Below, the outside consists of several parts. Larger: fewer sections with one outer curve.
@@ -35,8 +34,7 @@ def curves(ends: Array, row: IntArray | int = 0) -> IntArray:
     node = np.zeros(len(x), np.int64)
     node[order[1:]] = np.cumsum(np.logical_or.reduce(new))
     a, b = node.reshape(-1, 2).T
-    graph = coo_array((np.ones(len(a)), (a, b)), shape=(2 * len(ends),) * 2)
-    return connected_components(graph, directed=False)[1][a].astype(np.int64)
+    return components(2 * len(ends), a, b)[a]
 
 
 def outer_curve(curve: IntArray, ray: IntArray, segment: IntArray, distance: Array) -> BoolArray | None:

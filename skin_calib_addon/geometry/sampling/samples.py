@@ -37,7 +37,7 @@ class RaySamples:
     leads from the origin to the surface.
     """
 
-    residuals: Array  # (k, l) from the surface outward to the mesh along the ray [m]; NaN without a hit
+    residuals: Array  # (k, l) from the surface outward to the mesh along the ray [m]; NaN without a hit on the cover
     origins: Array  # (k, l, 3) of the rays [m]
     arms: Array  # (k, l, 3) from there to the surface [m]
     faces: IntArray  # (k, l) faces that were hit
@@ -47,13 +47,13 @@ class RaySamples:
 
     @property
     def missed(self) -> BoolArray:
-        """Return which rays inside the boundary do not hit the mesh, shape (k, l)."""
+        """Return which rays inside the boundary do not hit the mesh, or only a part below it, shape (k, l)."""
         missed = np.isnan(self.residuals)
         return missed if self.outside is None else missed & ~self.outside
 
     @property
     def missing(self) -> float:
-        """Return the fraction of the rays inside the boundary that do not hit the mesh; 1 if all are outside."""
+        """Return the fraction of the rays inside the boundary that are missed; 1 if all are outside."""
         inside = self.missed.size if self.outside is None else int((~self.outside).sum())
         return float(self.missed.sum()) / inside if inside else 1.0
 
