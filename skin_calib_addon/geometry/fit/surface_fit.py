@@ -304,7 +304,7 @@ class SurfaceFit:
         if outside is None or self.lines.region is None:
             return is_sampled(self.surface, uv, known)
         is_inside = self.lines.region(self.surface.points(uv))
-        return is_inside & is_sampled(self.surface, uv, known | outside)
+        return is_inside & is_sampled(self.surface, uv, known, outside)
 
     @cached_property
     def condition(self) -> float:

@@ -9,8 +9,8 @@ import numpy as np
 from ...common.arrays import Array, BoolArray, IntArray, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from .basis import TensorBasis
-from .below_rims import below_rims
 from .lines import LineGrid
+from .off_cover import off_cover
 from .planes import Planes
 from .rays import RayCaster
 from .sections import Sections, coordinates, cut_sections
@@ -47,7 +47,7 @@ class RaySamples:
 
     @property
     def missed(self) -> BoolArray:
-        """Return which rays inside the boundary do not hit the mesh, or only a part below it, shape (k, l)."""
+        """Return which rays inside the boundary do not hit the mesh, or only a part beside the cover, shape (k, l)."""
         missed = np.isnan(self.residuals)
         return missed if self.outside is None else missed & ~self.outside
 
@@ -167,7 +167,7 @@ class SampleRows:
     def cast(self, arms: Array) -> RaySamples:
         """Cast rays from the origins along ``arms`` (k, l, 3), which end on the surface [m].
 
-        With a boundary, rays that pass a rim or a hole of the cover and hit a part below it have no hit.
+        With a boundary, rays that hit another part than the cover have no hit (see ``off_cover``).
         """
         flat_arms = across(arms, self.axes)
         length = np.hypot(flat_arms[..., 0], flat_arms[..., 1])
@@ -185,8 +185,7 @@ class SampleRows:
             residuals = np.where(outside, np.nan, residuals)
             rays = arms / length[..., None]
             hits = self.origins + (length + residuals)[..., None] * rays
-            below = below_rims(hits, rays, self.mesh.face_normals[faces], self.closed)
-            residuals = np.where(below, np.nan, residuals)
+            residuals[off_cover(hits, rays, self.mesh.face_normals[faces], self.closed)] = np.nan
         return RaySamples(residuals, self.origins, arms, faces, self.caster.folds, self.caster.parts, outside)
 
     def _onto_facets(self, distance: Array, hit: IntArray, rays: Array) -> Array:

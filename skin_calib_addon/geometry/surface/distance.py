@@ -11,8 +11,10 @@ from .bspline import MIN_SITES, BSplineSurface, sites_per_span
 SAMPLES_PER_SPAN = 5
 
 
-def is_sampled(surface: BSplineSurface, uv: Array, known: BoolArray) -> BoolArray:
-    """Return whether all sample sites around each ``uv`` hit the mesh; the sites are even in u and v.
+def is_sampled(surface: BSplineSurface, uv: Array, known: BoolArray, outside: BoolArray | None = None) -> BoolArray:
+    """Return whether the sample sites around each ``uv`` hit the mesh; the sites are even in u and v.
+
+    Of those inside the boundary all must hit it, and at least one of the four.
 
     Parameters
     ----------
@@ -22,6 +24,8 @@ def is_sampled(surface: BSplineSurface, uv: Array, known: BoolArray) -> BoolArra
         Parameters.
     known : array of bool, shape (k, l)
         Which sample sites hit the mesh.
+    outside : array of bool, shape (k, l), optional
+        Which are outside the boundary.
 
     Returns
     -------
@@ -31,7 +35,11 @@ def is_sampled(surface: BSplineSurface, uv: Array, known: BoolArray) -> BoolArra
     row, column = uv[:, 0] * (k - 1), uv[:, 1] * (l if surface.closed[1] else l - 1)
     rows = (np.clip(f(row).astype(int), 0, k - 1) for f in (np.floor, np.ceil))
     columns = [f(column).astype(int) % l for f in (np.floor, np.ceil)]
-    return np.logical_and.reduce([known[i, j] for i in rows for j in columns])
+    around = [(i, j) for i in rows for j in columns]
+    hit = [known[at] for at in around]
+    if outside is None:
+        return np.logical_and.reduce(hit)
+    return np.logical_and.reduce([h | outside[at] for h, at in zip(hit, around)]) & np.logical_or.reduce(hit)
 
 
 def surface_samples(surface: BSplineSurface) -> tuple[Array, Array]:

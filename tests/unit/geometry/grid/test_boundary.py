@@ -8,10 +8,12 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.common.errors import EmptySection
 from skin_calib_addon.geometry import fit_grid, fit_surface
+from skin_calib_addon.geometry.fit.surface_fit import fit_lines
 from skin_calib_addon.geometry.grid.axis import Axis
 from skin_calib_addon.geometry.grid.boundary import Boundary
 from skin_calib_addon.geometry.grid.grids import Across, Grid, Sector, Size, Tolerance, Tube
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
+from skin_calib_addon.geometry.sampling.off_cover import off_cover
 from tests.shapes import cylinder
 
 RADIUS, HEIGHT = 0.05, 0.2
@@ -192,6 +194,66 @@ def test_parts_below_are_not_the_cover(height, breadth, counts):
         mesh, Grid(Across(normal=(0, 0, 1), boundary=(LOOP,)), Size(8, 12), "uniform"), (3, 3), max_deviation=0.1
     )
     assert (fit.missing == 0) == counts
+
+
+@pytest.mark.parametrize(
+    ("corner", "missed"),
+    [((0.1, 0.0135), True), ((0.1, 0.02), False)],
+    ids=["row", "rows"],
+)
+def test_what_is_in_front_of_a_rim_is_not_the_cover(corner, missed):
+    """A plate that hides the sites at one side of the boundary from the rays, in a row or several."""
+    quad = np.array(((0, 0, 0.03), (corner[0], 0, 0.03), (*corner, 0.03), (0, corner[1], 0.03)))
+    plate = over_floor(0.0)
+    n = len(plate.vertices)
+    mesh = weld(np.vstack((plate.vertices, quad)), np.vstack((plate.faces, ((n, n + 1, n + 2), (n, n + 2, n + 3)))))
+    grid = Grid(Across(normal=(0, 0, 1), boundary=(LOOP,)), Size(8, 8), "uniform")
+    fit = fit_lines(mesh, grid.line_grid(mesh), (3, 3))
+    off = np.abs(fit.surface.points(UV)[fit.is_trusted(UV), 2]).max()
+    assert (fit.missing > 0) == (off < 1e-9) == missed
+
+
+def test_between_sites_outside_the_boundary_nothing_is_trusted():
+    """A spike of the boundary between two columns of sites: no ray there says where the mesh is."""
+    spike = (*LOOP[:3], (0.0515, 0.05, 0.0), (0.0515, 0.0585, 0.0), (0.0513, 0.0585, 0.0), (0.0513, 0.05, 0.0), LOOP[3])
+    fit = fit_grid(over_floor(0.0), Grid(Across(normal=(0, 0, 1), boundary=(spike,)), Size(8, 8), "uniform"), (3, 3))
+    uv = np.column_stack((np.full(400, 0.525), np.linspace(0, 1, 400)))
+    far = fit.surface.points(uv)[:, 1] > 0.0535  # beyond the square by more than a site
+    inside = fit.lines.region(fit.surface.points(uv))
+    assert (inside & far).sum() > 20 and not (fit.is_trusted(uv) & far).any()
+    assert fit.is_trusted(uv)[inside & (fit.surface.points(uv)[:, 1] < 0.05)].all()
+
+
+@pytest.mark.parametrize(
+    ("front", "dropped"),
+    [
+        (np.s_[:2, :2], True),
+        (np.s_[:1, :], True),
+        (np.s_[:2, :], False),
+        (np.s_[:, 3:4], False),
+        (np.s_[2:4, 2:4], False),
+    ],
+    ids=["corner", "row", "rows", "rib", "bump"],
+)
+def test_only_small_parts_at_a_rim_are_in_front_of_it(front, dropped):
+    """A bump or a rib is part of the cover. So is more than a row at the rim."""
+    x, y = np.mgrid[:12, :9] * 0.003
+    hits = np.stack((x, y, 0 * x), axis=2)
+    hits[(*front, 2)] = 0.01
+    up = np.broadcast_to((0.0, 0.0, 1.0), hits.shape)
+    assert off_cover(hits, up, up, False)[front].all() == off_cover(hits, up, up, False).any() == dropped
+
+
+def test_a_single_hit_is_no_cover():
+    """It is farther from the others than a site; where there are only such hits, they stay."""
+    hits = np.full((6, 9, 3), np.nan)
+    x, y = np.mgrid[:6, :9] * 0.003
+    hits[:, :6] = np.stack((x, y, 0 * x), axis=2)[:, :6]
+    hits[3, 8] = 0.009, 0.024, -0.05
+    up = np.broadcast_to((0.0, 0.0, 1.0), hits.shape)
+    assert np.argwhere(off_cover(hits, up, up, False)).tolist() == [[3, 8]]
+    hits[:, :6] = np.nan
+    assert not off_cover(hits, up, up, False).any()
 
 
 def test_shelves_below_a_bounded_surface_are_no_undercut():

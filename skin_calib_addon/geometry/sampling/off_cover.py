@@ -1,4 +1,4 @@
-"""Rays inside a boundary that pass a rim or a hole of the cover, and hit a part of the mesh below it."""
+"""Rays inside a boundary that miss the cover, and hit another part of the mesh."""
 
 import numpy as np
 
@@ -10,15 +10,18 @@ from ..components import components
 MIN_STEP = 1e-3
 # [cosine] least one between a face and a ray for its slope. Larger: steeper faces count as steps.
 MIN_COSINE = 0.2
-# [fraction] of the hits of a part, up to which a part below it is not the cover. Larger: of a cover with a step, the
-# smaller side counts as missed, instead of a surface that blends both and a warning.
+# [fraction] of the hits of a part, up to which a part one step from it is not the cover. Larger: of a cover with a
+# step, the smaller side counts as missed, instead of a surface that blends both and a warning.
 MAX_FRACTION = 0.25
 
 
-def below_rims(hits: Array, rays: Array, normals: Array, closed: bool) -> BoolArray:
-    """Return which hits are on a small part of the mesh, one step below a larger one, shape (k, l).
+def off_cover(hits: Array, rays: Array, normals: Array, closed: bool) -> BoolArray:
+    """Return which hits are not on the cover, shape (k, l).
 
-    Hits at adjacent sites are on one part if the step between them is what the slopes of both faces explain.
+    Hits at adjacent sites are on one part if the step between them is what the slopes of both faces explain. A small
+    part is not the cover if it is one step below a larger one: rays pass a rim or a hole. It is not, either, if it is
+    one step above a larger one and narrow along a rim, with no more sites than sides there: it hides a rim which is
+    known to the distance of sites only. A single hit says nothing about a surface.
 
     Parameters
     ----------
@@ -49,19 +52,19 @@ def below_rims(hits: Array, rays: Array, normals: Array, closed: bool) -> BoolAr
     aside = apart - steps[:, None] * up
     slopes = np.stack([_slope(normals[i], up, aside) for i in (a, b)])
     linked = (steps > slopes.min(axis=0) - MIN_STEP) & (steps < slopes.max(axis=0) + MIN_STEP)
-    below = np.zeros(number.size, bool)
+    part = components(number.size, a[linked], b[linked])
+    sizes = np.bincount(part, known)
+    dropped = (sizes == 1) & (sizes.max(initial=0) > 1)
     if not linked.all():
-        part = components(number.size, a[linked], b[linked])
-        sizes = np.bincount(part, known)
         up_to_b = steps[~linked] > 0
+        rim = np.bincount(part[known], (4 - np.bincount(np.append(a, b), minlength=number.size))[known], len(sizes))
         a, b = part[a[~linked]], part[b[~linked]]
         lower, upper = np.where(up_to_b, a, b), np.where(up_to_b, b, a)
-        dropped = np.zeros(len(sizes), bool)
-        for i in sorted(np.unique(lower), key=lambda i: -sizes[i]):  # a part below one that is dropped may stay
-            over = upper[lower == i]
-            dropped[i] = (~dropped[over] & (sizes[i] <= MAX_FRACTION * sizes[over])).any()
-        below = dropped[part] & known
-    return below.reshape(number.shape)
+        # The largest first: a part next to one that is dropped may stay.
+        for i in sorted(np.unique(np.append(a, b)), key=lambda i: -sizes[i]):
+            others = np.append(upper[lower == i], lower[(upper == i) & (sizes[i] <= rim[i])])
+            dropped[i] |= (~dropped[others] & (sizes[i] <= MAX_FRACTION * sizes[others])).any()
+    return (dropped[part] & known).reshape(number.shape)
 
 
 def _slope(normals: Array, up: Array, aside: Array) -> Array:
