@@ -151,7 +151,8 @@ def widest_place(fit: SurfaceFit) -> tuple[Array, tuple[float, float, float], Ar
     # Around a tube the mask continues; the other edges are boundaries.
     wide = np.pad(np.tile(trusted, (1, 3)), ((1, 1), (0, 0))) if fit.lines.closed else np.pad(trusted, 1)
     first = m if fit.lines.closed else 1
-    depth = ndimage.distance_transform_edt(wide, sampling=site_steps(points))[1:-1, first : first + m]
+    steps = site_steps(np.where(trusted[..., None], points, np.nan))
+    depth = ndimage.distance_transform_edt(wide, sampling=steps)[1:-1, first : first + m]
     i, j = np.unravel_index(int(depth.argmax()), depth.shape)
     x, y, z = np.round(points[i, j], DECIMALS).tolist()
     derivatives = fit.surface.derivatives(uv[i, j][None])

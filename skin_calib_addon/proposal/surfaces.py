@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..common.arrays import BoolArray, pairs_of, unit
+from ..common.arrays import Array, BoolArray, pairs_of, unit
 from ..common.errors import SkinCalibError
 from ..geometry.fit.auto import fit_grid
 from ..geometry.fit.surface_fit import SurfaceFit
@@ -23,9 +23,9 @@ from ..pipeline.calibrate import refuse_errors
 from ..plan.plan import Surface
 from ..skin.boards.ground import MAX_ANGLE, MAX_DISTANCE
 from .candidates import DECIMALS, Candidate, candidates
-from .link_points import LinkPoints
+from .link_points import POINT_DISTANCE, LinkPoints
 from .loops import Loops, loops_around
-from .trial import Start, Trial, judged, region_size, site_steps
+from .trial import Start, Trial, judged, region_size
 
 # [m^2] that a surface adds. Larger: fewer surfaces, less is covered. With boards of 7 cm^2, half only takes 1.3 times
 # the time; it acts for smaller boards and for sheets.
@@ -36,6 +36,9 @@ MIN_FRACTION = 2e-3
 # [m] distance of the sites that give the boundary. Larger: less exact boundaries (double: 47 instead of 55 boards on
 # four links of the G1; half: 53, 1.4 times the time).
 FINE_STEP = 2e-3
+# [m] distance of the boundary from the edges of these sites. Larger: fewer corners, less exact boundaries (double: 3703
+# instead of 3765 cm^2 of cells on the G1).
+LOOP_TOLERANCE = 1e-3
 # [rad] beyond the boundary. Larger: the surface is held less at the boundary (double: 50 instead of 55 boards on four
 # links of the G1).
 SECTOR_MARGIN = np.deg2rad(3.0)
@@ -138,13 +141,13 @@ def boundary_of(seen: TriangleMesh, on: LinkPoints, candidate: Candidate, trial:
     number : int
         Of the surface, for its name.
     """
-    per_span = SITES_PER_SPAN * int(np.ceil(site_steps(trial.points).max() / FINE_STEP))
+    per_span = SITES_PER_SPAN * int(np.ceil(trial.steps.max() / FINE_STEP))
     basis = TensorBasis.of(trial.lines, 3, 3, per_span)
     rows = SampleRows.of(seen, trial.lines, basis)
     fine = judged(rows, on, trial.parametrization, trial.lines, trial.offsets, basis)
     if fine is None or fine.area < MIN_AREA:
         return None
-    loops = loops_around(fine.good, fine.points, trial.parametrization.closed, FINE_STEP)
+    loops = loops_around(fine.good, fine.points, trial.parametrization.closed, LOOP_TOLERANCE)
     region = bounded_region(candidate.region, fine, loops)
     try:
         size = Size(*region_size(region.parametrization(seen), on))
@@ -221,17 +224,31 @@ def bounded_region(region: Region, trial: Trial, loops: Loops) -> Region:
 
 def covered_points(fit: SurfaceFit, surface: BSplineSurface, on: LinkPoints) -> BoolArray:
     """Return which free points a surface of a fit covers, shape (k,): near it, along it, and inside its boundary."""
-    u, v = (np.linspace(0, 1, SITES_PER_SPAN * n) for n in fit.offsets.shape)
-    points = surface.grid_points(u, v)
+    u, v = even_parameters(fit, surface)
+    points = surface.grid_points(u, v).reshape(-1, 3)
     normals = unit(np.cross(*surface.grid_tangents(u, v))).reshape(-1, 3)
     trusted = fit.is_trusted(pairs_of(u, v))
     covered = np.zeros(len(on.points), bool)
     if trusted.any():
-        spacing, points, normals = site_steps(points).max(), points.reshape(-1, 3)[trusted], normals[trusted]
-        distance, nearest = map(np.asarray, cKDTree(points).query(on.points, distance_upper_bound=spacing))
+        limit = np.hypot(POINT_DISTANCE, MAX_DISTANCE)  # the points are at most POINT_DISTANCE apart
+        distance, nearest = map(np.asarray, cKDTree(points[trusted]).query(on.points, distance_upper_bound=limit))
         near = np.flatnonzero(on.free & np.isfinite(distance))
-        normal = normals[nearest[near]]
-        height = ((on.points[near] - points[nearest[near]]) * normal).sum(axis=1)
+        if fit.lines.region is not None:
+            near = near[fit.lines.region(on.points[near])]
+        at, normal = points[trusted][nearest[near]], normals[trusted][nearest[near]]
+        height = ((on.points[near] - at) * normal).sum(axis=1)
         upright = (on.normals[near] * normal).sum(axis=1) > np.cos(MAX_ANGLE)
         covered[near[upright & (np.abs(height) < MAX_DISTANCE)]] = True
     return covered
+
+
+def even_parameters(fit: SurfaceFit, surface: BSplineSurface) -> tuple[Array, Array]:
+    """Return parameters u and v of points that are at most ``POINT_DISTANCE`` apart where the fit is trusted."""
+    u, v = (np.linspace(0, 1, SITES_PER_SPAN * n) for n in fit.offsets.shape)
+    trusted = fit.is_trusted(pairs_of(u, v)).reshape(len(u), len(v))
+    points = np.where(trusted[..., None], surface.grid_points(u, v), np.nan)
+    steps = (np.linalg.norm(np.diff(points, axis=axis), axis=2) for axis in (0, 1))
+    longest = (float(np.nanmax(a, initial=POINT_DISTANCE)) for a in steps)
+    parts = [max(1, int(np.ceil(length / POINT_DISTANCE))) for length in longest]
+    fine = [(np.arange(n * (len(a) - 1)) + 0.5) / (n * (len(a) - 1)) for a, n in zip((u, v), parts)]
+    return fine[0], fine[1]

@@ -22,12 +22,16 @@ from ..skin.boards.ground import MAX_ANGLE, MAX_DISTANCE
 from .candidates import MIN_RAY_COSINE
 from .link_points import LinkPoints
 
-# [m] of planes and lines. Larger: smoother surfaces that follow less of the link (32 mm: 841, 8 mm: 1005 instead of
-# 943 cm^2 on four links of the G1, the latter in 1.8 times the time).
-KNOT_DISTANCE = 0.016
+# [m] of planes and lines. Larger: smoother surfaces that follow less of the link (16 mm: 5551 instead of 5763 cm^2 on
+# the G1; 8 mm: as much as 12 mm, in 1.2 times the time).
+KNOT_DISTANCE = 0.012
 # [m] radius of a disc that covered parts must contain everywhere. Larger: no narrow parts (half: 963, double: 901
 # instead of 943 cm^2 on four links of the G1, with the same number of boards).
 OPENING = 0.005
+# [1] ratio of the steps from a site to its neighbours above which only the shorter one is on the part that a surface
+# covers; next to it the surface may be anywhere. Larger: wrong areas at edges of parts; smaller: areas of uneven sites
+# are too small.
+MAX_STEP_RATIO = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +44,7 @@ class Trial:
     points: Array  # (k, l, 3) of the surface at the sites [m]
     good: BoolArray  # (k, l) sites of the best part
     area: float  # of these sites [m^2]
+    steps: Array  # (2,) from row to row and from column to column of the sites [m]
 
 
 def region_size(parametrization: Parametrization, on: LinkPoints) -> tuple[int, int]:
@@ -131,7 +136,7 @@ class Start:
         faces = self.rows.mesh.face_normals[samples.faces]
         slopes = np.abs((samples.rays * faces).sum(axis=2))
         wanted = is_wanted(on, samples, faces) & (slopes > MIN_RAY_COSINE)
-        wanted = opened(wanted, samples.origins + samples.arms, self.parametrization.closed)
+        wanted = opened(wanted, samples.points, self.parametrization.closed)
         for limit in (np.inf, 4 * MAX_DISTANCE, 2 * MAX_DISTANCE, MAX_DISTANCE):
             used = wanted & (np.abs(samples.residuals * slopes) < limit)
             if not used.any():
@@ -190,10 +195,7 @@ def judged(
     samples = rows.cast(arms)
     faces = rows.mesh.face_normals[samples.faces]
     points = samples.origins + arms
-    along, across = np.gradient(points, axis=0), np.gradient(points, axis=1)
-    if parametrization.closed:
-        across = (np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)) / 2
-    normals = np.cross(along, across)
+    normals = np.cross(steps_on(points, 0), steps_on(points, 1, parametrization.closed))
     areas = np.linalg.norm(normals, axis=2)
     areas[[0, -1]] /= 2  # sites at the edges stand for half a cell
     if not parametrization.closed:
@@ -201,8 +203,11 @@ def judged(
     good = is_wanted(on, samples, faces)
     good &= np.abs(samples.residuals * (samples.rays * faces).sum(axis=2)) < MAX_DISTANCE
     good &= np.abs((unit(normals) * faces).sum(axis=2)) > np.cos(MAX_ANGLE)
-    part = largest_part(opened(good, points, parametrization.closed), areas, parametrization.closed)
-    return None if part is None else Trial(parametrization, lines, offsets, points, part, float(areas[part].sum()))
+    part = largest_part(opened(good, samples.points, parametrization.closed), areas, parametrization.closed)
+    if part is None:
+        return None
+    steps = site_steps(samples.points)
+    return Trial(parametrization, lines, offsets, points, part, float(areas[part].sum()), steps)
 
 
 def opened(mask: BoolArray, points: Array, closed: bool) -> BoolArray:
@@ -213,11 +218,11 @@ def opened(mask: BoolArray, points: Array, closed: bool) -> BoolArray:
     mask : array of bool, shape (k, l)
         Sites.
     points : array, shape (k, l, 3)
-        Of the sites [m].
+        Of the mesh at the sites [m]; NaN where there is none.
     closed : bool
         Whether the last column is next to the first.
     """
-    steps = np.maximum(site_steps(points), 1e-6)
+    steps = np.clip(site_steps(points), OPENING / max(mask.shape), None)
     a, b = (OPENING / steps).astype(int)
     y, x = np.mgrid[-a : a + 1, -b : b + 1]
     disc = (y * steps[0]) ** 2 + (x * steps[1]) ** 2 <= OPENING**2
@@ -227,9 +232,38 @@ def opened(mask: BoolArray, points: Array, closed: bool) -> BoolArray:
     return result
 
 
+def steps_on(points: Array, axis: int, closed: bool = False) -> Array:
+    """Return the mean of the steps from the site before and to the next one, shape (k, l, 3) [m].
+
+    If one of them is more than ``MAX_STEP_RATIO`` times as long, its other end is not on the same part of the mesh: the
+    shorter one counts alone.
+
+    Parameters
+    ----------
+    points : array, shape (k, l, 3)
+        Of the sites [m].
+    axis : int
+        0 from row to row, 1 from column to column.
+    closed : bool
+        Whether the last site along this axis is next to the first.
+    """
+    steps = np.diff(points, axis=axis)
+    first, last = (np.take(steps, [k], axis=axis) for k in (0, -1))
+    if closed:
+        first = last = np.take(points, [0], axis=axis) - np.take(points, [-1], axis=axis)
+    both = np.stack((np.concatenate((first, steps), axis=axis), np.concatenate((steps, last), axis=axis)))
+    lengths = np.linalg.norm(both, axis=3)
+    alone = lengths > MAX_STEP_RATIO * lengths[::-1]
+    return np.where(alone[0, ..., None], both[1], np.where(alone[1, ..., None], both[0], both.mean(axis=0)))
+
+
 def site_steps(points: Array) -> Array:
-    """Return the usual distances of points (k, l, 3) from row to row and from column to column, shape (2,) [m]."""
-    return np.array([np.median(np.linalg.norm(np.diff(points, axis=axis), axis=2)) for axis in (0, 1)])
+    """Return the usual distances of points (k, l, 3) from row to row and from column to column, shape (2,) [m].
+
+    Points that are NaN do not count; without two adjacent ones the distance is zero.
+    """
+    lengths = [np.linalg.norm(np.diff(points, axis=axis), axis=2) for axis in (0, 1)]
+    return np.array([np.median(known) if (known := a[~np.isnan(a)]).size else 0.0 for a in lengths])
 
 
 def largest_part(mask: BoolArray, areas: Array, closed: bool) -> BoolArray | None:

@@ -49,6 +49,9 @@ DIVERGENCE_RATIO = 1.2
 # [1] ratio of a movement to the movement two iterations before above which the iterations oscillate, because rays
 # alternate over a step. Larger: later stop.
 OSCILLATION_RATIO = 0.97
+# [1] iterations after which a ray inside a boundary gets no hit any more where it had none. Larger: more iterations in
+# which single rays alternate at the rim; smaller: the surface may not yet be where they hit.
+FREE_ITERATIONS = 4
 # [1] sample sites per span and direction of a preview. Larger: the preview is nearer to the exact fit, more time.
 DRAFT_SITES_PER_SPAN = 2
 # [1] sample sites per span and direction if facets are chords and fewer than the usual sites, because the distance
@@ -538,7 +541,7 @@ def iterate(
     r"""Repeat solving and casting until no control point moves, the residuals grow, or the movement oscillates.
 
     Inside a boundary, single rays may alternate at its rim while the rest still converges: there, neither of the two
-    ends the iterations.
+    ends the iterations. After ``FREE_ITERATIONS`` a ray that had no hit gets none any more.
 
     .. math::
 
@@ -576,7 +579,9 @@ def iterate(
     for iterations in range(1, MAX_FIT_ITERATIONS + 1):  # noqa: B007
         step = basis.solve(samples.residuals + gaps, offsets)
         offsets = offsets + step
-        samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
+        before, samples = samples, rows.cast(basis.blend(offsets[..., None] * lines.directions))
+        if bounded and iterations > FREE_ITERATIONS:
+            samples = samples.without_new(before)
         misfit = rms_residual(samples.residuals + gaps)
         if misfit > DIVERGENCE_RATIO * least and not bounded:
             break

@@ -16,6 +16,10 @@ from ..sampling.samples import cast_rays
 from .boundary import Boundary
 from .curved_axis import CurvedAxis
 
+# [fraction] of the extent of a boundary by which the grid goes beyond it. Larger: more sites are outside; without it,
+# rounding decides about those on an edge that is parallel to the first row.
+BEYOND_BOUNDARY = 1e-3
+
 
 @dataclass(frozen=True, eq=False)
 class TubeParametrization:
@@ -239,7 +243,8 @@ def bounded(parametrization: AnyParametrization, loops: tuple[Loop, ...]) -> Any
     Returns
     -------
     TubeParametrization or FaceParametrization
-        Its span, and over a face its breadth, are those of the loops.
+        Its span, and over a face its breadth, are those of the loops and a little more: no rounding decides whether the
+        sites of the first row are inside.
     """
     if not loops:
         return parametrization
@@ -247,6 +252,8 @@ def bounded(parametrization: AnyParametrization, loops: tuple[Loop, ...]) -> Any
     every = np.concatenate(corners)
     (first, low), (last, high) = every.min(axis=0).tolist(), every.max(axis=0).tolist()
     boundary = Boundary.of(corners, parametrization.period)
+    beyond_s, beyond_t = BEYOND_BOUNDARY * (last - first), BEYOND_BOUNDARY * (high - low)
+    first, last, low, high = first - beyond_s, last + beyond_s, low - beyond_t, high + beyond_t
     if isinstance(parametrization, TubeParametrization):
         return replace(parametrization, span=(first, last), boundary=boundary)
     return replace(parametrization, span=(first, last), breadth=(low, high), boundary=boundary)

@@ -47,7 +47,7 @@ class RaySamples:
 
     @property
     def missed(self) -> BoolArray:
-        """Return which rays inside the boundary do not hit the mesh, or only a part beside the cover, shape (k, l)."""
+        """Return which rays inside the boundary do not hit the mesh, or only another part than the cover, shape (k, l)."""
         missed = np.isnan(self.residuals)
         return missed if self.outside is None else missed & ~self.outside
 
@@ -56,6 +56,19 @@ class RaySamples:
         """Return the fraction of the rays inside the boundary that are missed; 1 if all are outside."""
         inside = self.missed.size if self.outside is None else int((~self.outside).sum())
         return float(self.missed.sum()) / inside if inside else 1.0
+
+    def without_new(self, before: "RaySamples") -> "RaySamples":
+        """Return the samples without those at sites that had none before.
+
+        Parameters
+        ----------
+        before : RaySamples
+            Samples at the same sites, with a boundary, too.
+        """
+        assert self.outside is not None and before.outside is not None
+        new = np.isnan(before.residuals) & ~np.isnan(self.residuals)
+        residuals, outside = np.where(new, np.nan, self.residuals), self.outside | (new & before.outside)
+        return replace(self, residuals=residuals, outside=outside)
 
     @cached_property
     def rays(self) -> Array:

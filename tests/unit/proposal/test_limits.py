@@ -104,11 +104,11 @@ def test_boundary_is_within_2_5_mm_of_a_rim():
     assert np.abs(np.linalg.norm(loop, axis=1) - radius).max() < 2.5e-3
 
 
-def test_planes_and_lines_are_16_mm_apart():
-    """Over a plate of 100 x 70 mm: 7 and 5 steps, and 3 for a cubic."""
+def test_planes_and_lines_are_12_mm_apart():
+    """Over a plate of 100 x 70 mm: 9 and 6 steps, and 3 for a cubic."""
     mesh = plate(0.1, 0.07)
     parametrization = whole(Across(normal=(0.0, 0.0, 1.0)), mesh)
-    assert sorted(region_size(parametrization, LinkPoints.of(mesh))) == [5 + 3, 7 + 3]
+    assert sorted(region_size(parametrization, LinkPoints.of(mesh))) == [6 + 3, 9 + 3]
 
 
 @pytest.mark.parametrize(("width", "stays"), [(8, False), (12, True)])
