@@ -47,7 +47,7 @@ class RaySamples:
 
     @property
     def missed(self) -> BoolArray:
-        """Return which rays inside the boundary do not hit the mesh, or only another part than the cover, shape (k, l)."""
+        """Return which rays inside the boundary do not hit the mesh, or not the cover, shape (k, l)."""
         missed = np.isnan(self.residuals)
         return missed if self.outside is None else missed & ~self.outside
 
