@@ -70,6 +70,8 @@ def find_twins(robot: Robot, meshes: Mapping[str, TriangleMesh]) -> dict[str, Tw
     """
     poses = link_poses(robot)
     links = [link for link in robot.links if link in meshes]
+    if not links:
+        return {}
     reflection = symmetry(np.array([poses[link][:3, 3] for link in links]).reshape(-1, 3))
     samples = {link: _Sample(meshes[link]) for link in links}
     twins: dict[str, Twin] = {}
