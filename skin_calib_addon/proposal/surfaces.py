@@ -230,20 +230,34 @@ def covered_points(fit: SurfaceFit, surface: BSplineSurface, on: LinkPoints) -> 
     trusted = fit.is_trusted(pairs_of(u, v))
     covered = np.zeros(len(on.points), bool)
     if trusted.any():
+        points, normals = points[trusted], normals[trusted]
         limit = np.hypot(POINT_DISTANCE, MAX_DISTANCE)  # the points are at most POINT_DISTANCE apart
-        distance, nearest = map(np.asarray, cKDTree(points[trusted]).query(on.points, distance_upper_bound=limit))
+        distance, nearest = map(np.asarray, cKDTree(points).query(on.points, distance_upper_bound=limit))
         near = np.flatnonzero(on.free & np.isfinite(distance))
         if fit.lines.region is not None:
             near = near[fit.lines.region(on.points[near])]
-        at, normal = points[trusted][nearest[near]], normals[trusted][nearest[near]]
-        height = ((on.points[near] - at) * normal).sum(axis=1)
+        normal = normals[nearest[near]]
+        height = ((on.points[near] - points[nearest[near]]) * normal).sum(axis=1)
         upright = (on.normals[near] * normal).sum(axis=1) > np.cos(MAX_ANGLE)
         covered[near[upright & (np.abs(height) < MAX_DISTANCE)]] = True
     return covered
 
 
 def even_parameters(fit: SurfaceFit, surface: BSplineSurface) -> tuple[Array, Array]:
-    """Return parameters u and v of points that are at most ``POINT_DISTANCE`` apart where the fit is trusted."""
+    """Return parameters of points that are at most ``POINT_DISTANCE`` apart where the fit is trusted.
+
+    Parameters
+    ----------
+    fit : SurfaceFit
+        Knows where it is trusted.
+    surface : BSplineSurface
+        The one of the fit, or that through the corners of the facets [m].
+
+    Returns
+    -------
+    u, v : array, shape (k,) and (l,)
+        Centres of equal parts of the domain.
+    """
     u, v = (np.linspace(0, 1, SITES_PER_SPAN * n) for n in fit.offsets.shape)
     trusted = fit.is_trusted(pairs_of(u, v)).reshape(len(u), len(v))
     points = np.where(trusted[..., None], surface.grid_points(u, v), np.nan)

@@ -44,7 +44,7 @@ class Trial:
     points: Array  # (k, l, 3) of the surface at the sites [m]
     good: BoolArray  # (k, l) sites of the best part
     area: float  # of these sites [m^2]
-    steps: Array  # (2,) from row to row and from column to column of the sites [m]
+    steps: Array  # (2,) of the mesh, from row to row and from column to column of the sites [m]
 
 
 def region_size(parametrization: Parametrization, on: LinkPoints) -> tuple[int, int]:
@@ -246,6 +246,11 @@ def steps_on(points: Array, axis: int, closed: bool = False) -> Array:
         0 from row to row, 1 from column to column.
     closed : bool
         Whether the last site along this axis is next to the first.
+
+    Returns
+    -------
+    array, shape (k, l, 3)
+        [m]; at the edges of an open surface the step to the only neighbour.
     """
     steps = np.diff(points, axis=axis)
     first, last = (np.take(steps, [k], axis=axis) for k in (0, -1))

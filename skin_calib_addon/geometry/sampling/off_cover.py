@@ -57,7 +57,8 @@ def off_cover(hits: Array, rays: Array, normals: Array, closed: bool) -> BoolArr
     dropped = (sizes == 1) & (sizes.max(initial=0) > 1)
     if not linked.all():
         up_to_b = steps[~linked] > 0
-        rim = np.bincount(part[known], (4 - np.bincount(np.append(a, b), minlength=number.size))[known], len(sizes))
+        sides = 4 - np.bincount(np.append(a, b), minlength=number.size)  # of each site, without a hit next to them
+        rim = np.bincount(part[known], sides[known], len(sizes))  # the same of each part
         a, b = part[a[~linked]], part[b[~linked]]
         lower, upper = np.where(up_to_b, a, b), np.where(up_to_b, b, a)
         # The largest first: a part next to one that is dropped may stay.

@@ -64,6 +64,11 @@ class RaySamples:
         ----------
         before : RaySamples
             Samples at the same sites, with a boundary, too.
+
+        Returns
+        -------
+        RaySamples
+            Rays that were outside the boundary still are; those that missed the cover still do.
         """
         assert self.outside is not None and before.outside is not None
         new = np.isnan(before.residuals) & ~np.isnan(self.residuals)

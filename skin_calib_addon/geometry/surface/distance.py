@@ -14,7 +14,7 @@ SAMPLES_PER_SPAN = 5
 def is_sampled(surface: BSplineSurface, uv: Array, known: BoolArray, outside: BoolArray | None = None) -> BoolArray:
     """Return whether the sample sites around each ``uv`` hit the mesh; the sites are even in u and v.
 
-    Of those inside the boundary all must hit it, and at least one of the four.
+    With a boundary, those outside it need no hit; but at least one of the four sites must have one.
 
     Parameters
     ----------

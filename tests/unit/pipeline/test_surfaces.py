@@ -138,7 +138,8 @@ def test_boundary_is_kept_and_holds_for_skins():
     plan = plan_from(document)
     assert plan_document(plan)["surfaces"][0]["grid"]["boundary"] == [loop]
     inside = calibrate(plan, MESH).calibration
-    assert inside.warnings == () and np.ptp(inside.surfaces[0].control_net[..., 2]) < 0.0602
+    # The loop is 60 mm high; the grid goes 0.1 % beyond it on both sides.
+    assert inside.warnings == () and np.ptp(inside.surfaces[0].control_net[..., 2]) == pytest.approx(0.06012, abs=1e-9)
     wide = CHEST | {"rows": 5, "columns": 6}  # its corner cells are 32 mm from the centre
     (warning,) = calibrate(plan_from(document | {"skins": [wide]}), MESH).calibration.warnings
     assert warning.code == "over-hole" and sorted(warning.where.taxels) == [

@@ -263,7 +263,6 @@ def test_robot_is_proposed_and_fitted_by_two_commands(tube, tmp_path, capsys):
     assert (plans / "upper.plan.json").read_bytes() == before and "kept" in capsys.readouterr().out
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("call", [["propose"], ["fit", "--propose"]], ids=["propose", "fit"])
 def test_robot_without_any_mesh_states_why(tmp_path, capsys, call):
     """One line for each link, and no plan: formats that are unknown, and files that are missing."""
@@ -273,13 +272,11 @@ def test_robot_without_any_mesh_states_why(tmp_path, capsys, call):
     assert main([call[0], str(urdf), *call[1:], "-o", str(tmp_path / "out")]) == 1
     said = capsys.readouterr()
     assert said.err.count("upper.glb has an unknown format. Use one of stl, ply, obj, off, dae.") == 2
-    assert (
-        "lost: the mesh file lost.ply of arm.urdf was not found" in said.err
-        and "unexpected" not in said.err
-        and "3 links, 0 plans" in said.out
-    )
+    assert "lost: the mesh file lost.ply of arm.urdf was not found" in said.err and "unexpected" not in said.err
+    assert "3 links, 0 plans" in said.out
 
 
+@pytest.mark.slow
 def test_robot_is_proposed_and_fitted_by_one_command(tube, tmp_path, capsys):
     """``fit --propose`` writes plans, calibrations and robot.json to one folder."""
     save_mesh(tube, tmp_path / "upper.ply")

@@ -199,13 +199,13 @@ def test_parts_below_are_not_the_cover(height, breadth, counts):
 
 
 @pytest.mark.parametrize(
-    ("corner", "missed"),
-    [((0.1, 0.015), True), ((0.1, 0.02), False)],
+    ("depth", "missed"),
+    [(0.015, True), (0.02, False)],
     ids=["row", "rows"],
 )
-def test_what_is_in_front_of_a_rim_is_not_the_cover(corner, missed):
+def test_what_is_in_front_of_a_rim_is_not_the_cover(depth, missed):
     """A plate that hides the sites at one side of the boundary from the rays, in a row or several."""
-    quad = np.array(((0, 0, 0.03), (corner[0], 0, 0.03), (*corner, 0.03), (0, corner[1], 0.03)))
+    quad = np.array(((0, 0, 0.03), (0.1, 0, 0.03), (0.1, depth, 0.03), (0, depth, 0.03)))
     plate = over_floor(0.0)
     n = len(plate.vertices)
     mesh = weld(np.vstack((plate.vertices, quad)), np.vstack((plate.faces, ((n, n + 1, n + 2), (n, n + 2, n + 3)))))
@@ -243,7 +243,8 @@ def test_only_small_parts_at_a_rim_are_in_front_of_it(front, dropped):
     hits = np.stack((x, y, 0 * x), axis=2)
     hits[(*front, 2)] = 0.01
     up = np.broadcast_to((0.0, 0.0, 1.0), hits.shape)
-    assert off_cover(hits, up, up, False)[front].all() == off_cover(hits, up, up, False).any() == dropped
+    off = off_cover(hits, up, up, False)
+    assert off[front].all() == off.any() == dropped
 
 
 def test_rays_that_had_no_hit_get_none():
