@@ -7,13 +7,14 @@ state is not stored in the file, so that undo cannot make it wrong.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
 import bpy
 from bpy.app.handlers import persistent
 
-from ...common.errors import InvalidMesh, SkinCalibError
+from ...common.errors import InvalidMesh, SkinCalibError, counted
 from ...common.warnings import Warning
 from ...geometry.mesh.defects import Diagnosis, diagnose
 from ..overlay import drawing
@@ -78,8 +79,8 @@ def trial(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., W
     Returns
     -------
     function
-        Its argument is called with the name of each stage. It returns a note, or the error of the refusal. The cache
-        keeps the fit.
+        Its argument is called with the name of each stage. It returns a note, the first warning of the fit, or the error
+        of the refusal. The cache keeps the fit.
     """
     try:
         plan, facets = plans.read_plan(link, context.scene), link_meshes.read_facets(link, context)
@@ -89,11 +90,16 @@ def trial(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., W
 
     def attempt(begin: Callable[[str], None]) -> Warning:
         try:
-            fits = results.fit(plan, facets.mesh(), begin)[1].fits.values()
+            result = results.fit(plan, facets.mesh(), begin)[1]
         except SkinCalibError as error:
             return refusal_of(error)
-        mean = max(fit.errors.surface_to_mesh.mean for fit in fits)
-        return Warning("fit", "note", f"These settings fit: mean error {mean * 1e3:.2g} mm")
+        words = f"These settings fit: mean error {result.mean * 1e3:.2g} mm"
+        serious = [warning for warning in result.warnings if warning.severity != "note"]
+        if not serious:
+            return Warning("fit", "note", words)
+        return replace(
+            serious[0], code="fit", message=f"{words}, {counted(len(serious), 'warning')}. {serious[0].message}"
+        )
 
     return attempt
 
