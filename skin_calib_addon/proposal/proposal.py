@@ -9,7 +9,7 @@ import numpy as np
 from ..calibration.exchange.xml_text import rotations
 from ..calibration.model import TaxelArray
 from ..common.arrays import Array, BoolArray
-from ..common.errors import SkinCalibError
+from ..common.errors import SkinCalibError, counted
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.grid.axis import Axis
 from ..geometry.mesh.cover import seen_faces
@@ -233,7 +233,9 @@ class _Target:
             words = (
                 f"No surface of at least {MIN_AREA * 1e4:.0f} cm^2 is within 1 mm and 15 degrees of the mesh: no skin."
             )
-            words = words if not found else "No skin fits on a surface."
+            if found:
+                largest = max(proposed.area for proposed in found) * 1e4
+                words = f"No skin fits on {counted(len(found), 'surface')} of up to {largest:.0f} cm^2: choose smaller cells."
             return Proposal(self.link, None, (*reasons, words), self.on.seen, self.free)
         area = float(self.on.areas[covered].sum())
         words = f"Surfaces with skin cover {area * 1e4:.0f} cm^2 of the free area."

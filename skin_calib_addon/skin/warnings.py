@@ -8,13 +8,13 @@ from ..calibration.model import Patch
 from ..common.arrays import Array, IntArray
 from ..common.errors import InvalidPlan
 from ..common.warnings import Place, Warning, point_of
+from .boards.ground import GAP_LIMIT
 from .sheet.closure import Closure
 
 # Limits of what real skins tolerate. Larger: fewer warnings.
 STRAIN_LIMIT = 0.05  # relative stretch of a cell of a sheet
 MAX_OVERLAP_FRACTION = 0.1  # overlap of the ends of a sheet in cells; more is an error unless the plan allows it
 OVERLAP_LIMIT = 5e-4  # overlap of the ends of a sheet [m]
-GAP_LIMIT = 3e-3  # distance between a corner of a board and the surface [m]
 OVERHANG_LIMIT = 1e-3  # overhang of a board over an edge [m]
 
 BOARD_LIMITS = (

@@ -16,7 +16,7 @@ from ..lattice import HexLattice
 from ..sheet.offset import offset_surface
 from ..sheet.wrap import check_size, on_surface, root_of
 from .flat_map import FlatMap, flat_map, lengths_of
-from .ground import MAX_ANGLE, MAX_DISTANCE, Ground, Zone
+from .ground import GAP_LIMIT, MAX_ANGLE, MAX_DISTANCE, MAX_GAP, Ground, Zone
 from .overlap import TOUCH, largest_apart, overlapping
 from .region import region_of
 from .search import MAX_PITCH_CHANGE, Poses, Search, axes_at
@@ -85,7 +85,8 @@ def lay_boards(
         The flat lattice.
     choice : "fill", "all" or sequence of (q, r)
         "fill" chooses offset and rotation of the lattice for the largest number of boards. "all" puts the root at the
-        origin and its row along the direction, and takes all boards that fit. A sequence gives axial coordinates.
+        origin and its row along the direction, and takes all boards that fit. Both take boards whose corners need a
+        warning (`GAP_LIMIT`) only if there are no others. A sequence gives axial coordinates.
     origin : array, shape (3,), or None
         Position of the root cell (0, 0), or near it for "fill" [m]. None takes the middle of the surface.
     direction : array, shape (3,), or None
@@ -113,24 +114,25 @@ def lay_boards(
         If a board of the given sequence is outside the surface.
     """
     start, along = (None if k is None else tuple(np.asarray(k, float).tolist()) for k in (origin, direction))
-    layout = _layout_of(surface, lattice, start, along, offset, fit, tuple(excluded))
-    if isinstance(choice, str):
-        if choice == "fill":
-            pose, boards = layout.most_boards([*layout.search.best(), *layout.given()])
-        else:
-            pose, boards = layout.at_start
-        boards = boards[layout.outline_is_covered(boards, pose)]
-        if not len(boards.cells):
-            width, height = layout.search.region.size * 1e3
-            raise InvalidPlan(
-                f"no board with sides of {lattice.side * 1e3:g} mm fits completely in the region, which is {width:.1f} "
-                f"x {height:.1f} mm over all, with its centre within {MAX_DISTANCE * 1e3:g} mm and "
-                f"{np.rad2deg(MAX_ANGLE):.0f} degrees of the mesh; extend the surface, or use smaller boards"
-            )
-        if choice == "fill":
-            boards = _rooted(boards, layout.to_flat)
-        return boards, np.zeros(len(boards.cells))
-    return layout.listed(np.array(choice, np.int64).reshape(-1, 2), *layout.at_start)
+    fill, most = isinstance(choice, str) and choice == "fill", MAX_GAP * lattice.side
+    for gap in sorted({min(GAP_LIMIT, most), most}):  # boards that need a warning only where there are no others
+        layout = _layout_of(surface, lattice, start, along, offset, fit, tuple(excluded), gap)
+        pose, boards = layout.fullest if fill else layout.at_start
+        covered = boards[layout.outline_is_covered(boards, pose)]
+        if len(covered.cells):
+            break
+    if not isinstance(choice, str):
+        return layout.listed(np.array(choice, np.int64).reshape(-1, 2), pose, boards)
+    if not len(covered.cells):
+        width, height = layout.search.region.size * 1e3
+        raise InvalidPlan(
+            f"no board with sides of {lattice.side * 1e3:g} mm fits completely in the region, which is {width:.1f} "
+            f"x {height:.1f} mm over all, with its centre within {MAX_DISTANCE * 1e3:g} mm and "
+            f"{np.rad2deg(MAX_ANGLE):.0f} degrees of the mesh, and its corners within {most * 1e3:.2g} mm; extend the "
+            "surface, or use smaller boards"
+        )
+    boards = _rooted(covered, layout.to_flat) if fill else covered
+    return boards, np.zeros(len(boards.cells))
 
 
 def wrap_boards(
@@ -197,8 +199,12 @@ class Layout:
         offset: float,
         fit: SurfaceFit | None,
         excluded: Sequence[Zone],
+        gap: float,
     ) -> "Layout":
-        """Develop the surface and find the region of the boards; parameters as for :func:`lay_boards`."""
+        """Develop the surface and find the region of the boards.
+
+        Parameters as for :func:`lay_boards`, and the largest distance of a corner of a board from the mesh [m].
+        """
         layer, start, pitch = offset_surface(surface, offset), root_of(surface, origin), lattice.pitch
         length, breadth = lengths_of(layer)
         if np.pi / 4 * (length**2 + breadth**2) > MAX_CELLS * lattice.row_step * pitch:
@@ -207,7 +213,7 @@ class Layout:
                 f"{pitch * 1e3:g} mm; lengths are in metres"
             )
         to_flat = flat_map(layer, start, direction, fit, MAP_SPACING * pitch, OVER_CUT * pitch)
-        ground = Ground(surface, fit, tuple(excluded), lattice.side)
+        ground = Ground(surface, fit, tuple(excluded), lattice.side, gap)
         period = None
         if surface.closed[1]:
             low, high = to_flat(start + [(0.0, -0.5), (0.0, 0.5)])
@@ -234,6 +240,11 @@ class Layout:
             gaps = np.abs(np.sin(angles)) * np.linalg.norm(self.search.period)
             stretches += closing[gaps <= MAX_PITCH_CHANGE * self.lattice.pitch].tolist()
         return [Poses.at(0.0, stretch) for stretch in stretches]
+
+    @property
+    def fullest(self) -> tuple[Poses, WrappedBoards]:
+        """Return the pose with the most boards of those that were searched and the given one, and the boards."""
+        return self.most_boards([*self.search.best(), *self.given()])
 
     @cached_property
     def at_start(self) -> tuple[Poses, WrappedBoards]:

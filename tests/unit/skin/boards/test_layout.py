@@ -12,13 +12,14 @@ from skin_calib_addon.geometry import AcrossGrid, TubeGrid, cut_cover, fit_grid,
 from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh
 from skin_calib_addon.plan import load_plan
+from skin_calib_addon.plan.skins import GAP, SIDE
 from skin_calib_addon.skin import HexLattice, Zone, lay_boards
 from skin_calib_addon.skin.boards.ground import MAX_GAP
 from tests.examples import slow
 from tests.shapes import Z_AXIS, cone_surface, cylinder, keep, plane_surface, sheet, with_hole, wrist_surface
 
 SAMPLES = pathlib.Path(__file__).resolve().parents[4] / "sample_scenes"
-SMALL = HexLattice(0.006, 0.0)
+SMALL, TUM = HexLattice(0.006, 0.0), HexLattice(SIDE, GAP)
 FLOOR = plane_surface(0.1, 0.08)
 
 
@@ -217,6 +218,22 @@ def test_boards_are_on_the_mesh():
         outlines = (points[:, None] + SMALL.corners @ axes).reshape(-1, 3)
         assert MeshDistance(mesh)(outlines)[0].max() <= MAX_GAP * SMALL.side
         assert fit.is_trusted(boards.uv).all() and len(points) > 5
+
+
+@pytest.mark.parametrize(("radius", "most"), [(0.036, 3e-3), (0.03, MAX_GAP * TUM.side)])
+def test_boards_whose_corners_need_a_warning_are_taken_only_where_there_are_no_others(radius, most):
+    """Around 72 mm rows along the tube keep the corners within 3 mm; around 60 mm no pose does."""
+    fit = fit_surface(cylinder(radius, 0.14), TubeGrid(12, 16))
+    boards, _ = lay_boards(fit.surface, TUM, "fill", None, None, fit=fit)
+    normals = fit.surface.normals(boards.uv)
+    axes = np.stack((boards.tangents, np.cross(normals, boards.tangents)), axis=1)
+    gaps = radius - np.linalg.norm((fit.surface.points(boards.uv)[:, None] + TUM.corners @ axes)[..., :2], axis=2)
+    assert np.abs(gaps).max() <= most and (np.abs(gaps).max() > 3e-3) == (most > 3e-3)
+    assert len(boards.cells) > 30
+    root = int(np.flatnonzero((boards.cells == 0).all(axis=1))[0])
+    origin, direction = fit.surface.points(boards.uv[[root]])[0], boards.tangents[root]
+    again, _ = lay_boards(fit.surface, TUM, boards.cells, origin, direction, fit=fit)
+    assert_allclose(fit.surface.points(again.uv), fit.surface.points(boards.uv), rtol=0, atol=1e-6)
 
 
 def test_no_board_is_over_a_vertex_that_the_fit_leaves_out():
