@@ -16,7 +16,7 @@ class SKIN_FH_mesh(IntoView, bpy.types.FileHandler):
     bl_idname = "SKIN_FH_mesh"
     bl_label = "Skin Link Mesh"
     bl_import_operator = "skin_calib.import_mesh"
-    bl_file_extensions = ".stl;.ply;.obj;.off;.dae"
+    bl_file_extensions = ".stl;.ply;.obj;.off;.dae;.glb"
 
 
 class SKIN_FH_robot(IntoView, bpy.types.FileHandler):

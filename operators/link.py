@@ -44,7 +44,7 @@ class SKIN_OT_import_mesh(ImportLink, bpy.types.Operator):
     bl_idname = "skin_calib.import_mesh"
     bl_label = "Import Link Mesh"
 
-    filter_glob: bpy.props.StringProperty(default="*.stl;*.ply;*.obj;*.off;*.dae", options={"HIDDEN"})
+    filter_glob: bpy.props.StringProperty(default="*.stl;*.ply;*.obj;*.off;*.dae;*.glb", options={"HIDDEN"})
     unit: bpy.props.EnumProperty(
         name="Unit",
         description="Unit of the numbers in the file",

@@ -1068,7 +1068,7 @@ LINK = Key("link", NAME, "Name of the robot link, as in its URDF.", label="Link"
 MESH_KEY = Key(
     "mesh",
     MESH,
-    "STL, PLY, OBJ, OFF or DAE file, relative to the plan; or URDF: all visual meshes of the link.",
+    "STL, PLY, OBJ, OFF, DAE or GLB file, relative to the plan; or URDF: all visual meshes of the link.",
     blender="mesh_file",
     label="Mesh File",
     panel="Link",

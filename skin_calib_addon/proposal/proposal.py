@@ -234,8 +234,8 @@ class _Target:
                 f"No surface of at least {MIN_AREA * 1e4:.0f} cm^2 is within 1 mm and 15 degrees of the mesh: no skin."
             )
             if found:
-                largest = max(proposed.area for proposed in found) * 1e4
-                words = f"No skin fits on {counted(len(found), 'surface')} of up to {largest:.0f} cm^2: choose smaller cells."
+                where = f"{counted(len(found), 'surface')} of up to {max(p.area for p in found) * 1e4:.0f} cm^2"
+                words = f"No skin fits on {where}: choose smaller cells."
             return Proposal(self.link, None, (*reasons, words), self.on.seen, self.free)
         area = float(self.on.areas[covered].sum())
         words = f"Surfaces with skin cover {area * 1e4:.0f} cm^2 of the free area."

@@ -75,7 +75,7 @@ def test_imported_link_is_in_the_free_part_of_the_view(bpy, cube, kind):
 
 
 HANDLERS = {
-    "mesh": (".stl .ply .obj .off .dae", "import_mesh"),
+    "mesh": (".stl .ply .obj .off .dae .glb", "import_mesh"),
     "robot": (".urdf", "import_robot"),
     "link": (".urdf", "import_urdf"),
     "plan": (".json", "import_plan"),

@@ -79,8 +79,8 @@ def trial(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., W
     Returns
     -------
     function
-        Its argument is called with the name of each stage. It returns a note, the first warning of the fit, or the error
-        of the refusal. The cache keeps the fit.
+        Its argument is called with the name of each stage. It returns a note, the first warning of the fit, or the
+        error of the refusal. The cache keeps the fit.
     """
     try:
         plan, facets = plans.read_plan(link, context.scene), link_meshes.read_facets(link, context)

@@ -17,8 +17,9 @@ from ...common.arrays import unit as to_unit
 from ...common.atomic_file import write_bytes_safely
 from ...common.errors import InvalidMesh
 from .dae import read_dae
+from .glb import read_glb
 
-FORMATS = ("stl", "ply", "obj", "off", "dae")
+FORMATS = ("stl", "ply", "obj", "off", "dae", "glb")
 METRES_PER_UNIT = {"m": 1.0, "mm": 1e-3}
 # Regular expressions for the number of faces that the header of a file announces.
 FACE_COUNTS = {"ply": rb"\nelement\s+face\s+(\d+)", "off": rb"OFF\s+(?:#[^\n]*\n\s*)*\d+\s+(\d+)"}
@@ -175,7 +176,7 @@ def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
     Parameters
     ----------
     path : path
-        An STL, PLY, OBJ, OFF or DAE file.
+        An STL, PLY, OBJ, OFF, DAE or GLB file.
     unit : "m" or "mm"
         Unit of the numbers in the file.
 
@@ -216,6 +217,8 @@ def read_mesh(path: str | Path) -> TriangleMesh:
     try:
         if kind == "dae":
             vertices, faces = read_dae(path)
+        elif kind == "glb":
+            vertices, faces = read_glb(path)
         else:
             # As a real path: trimesh removes "link/..", which is wrong if "link" is a symbolic link.
             raw: Any = trimesh.load(os.path.realpath(path), file_type=kind, process=False, force="mesh")

@@ -267,11 +267,11 @@ def test_robot_is_proposed_and_fitted_by_two_commands(tube, tmp_path, capsys):
 def test_robot_without_any_mesh_states_why(tmp_path, capsys, call):
     """One line for each link, and no plan: formats that are unknown, and files that are missing."""
     urdf = tmp_path / "arm.urdf"
-    urdf.write_text(URDF.replace("upper.ply", "upper.glb"))
-    (tmp_path / "upper.glb").write_bytes(b"glTF")
+    urdf.write_text(URDF.replace("upper.ply", "upper.fbx"))
+    (tmp_path / "upper.fbx").write_bytes(b"Kaydara")
     assert main([call[0], str(urdf), *call[1:], "-o", str(tmp_path / "out")]) == 1
     said = capsys.readouterr()
-    assert said.err.count("upper.glb has an unknown format. Use one of stl, ply, obj, off, dae.") == 2
+    assert said.err.count("upper.fbx has an unknown format. Use one of stl, ply, obj, off, dae, glb.") == 2
     assert "lost: the mesh file lost.ply of arm.urdf was not found" in said.err and "unexpected" not in said.err
     assert "3 links, 0 plans" in said.out
 

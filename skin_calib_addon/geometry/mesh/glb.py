@@ -1,0 +1,75 @@
+"""Read binary glTF files (GLB) of robots."""
+
+import io
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from ...common.arrays import Array, IntArray
+
+JSON_START = 20  # bytes of the headers of the file and of its first part, which is JSON. Format
+LENGTH_AT = 12  # byte where the length of that part is. Format
+# Extensions of the appearance only; a file may require them. Others may compress or change the shape.
+APPEARANCE = ("KHR_materials_", "KHR_texture_", "EXT_texture_")
+FAN = 6  # mode of primitives that trimesh leaves out. Format
+
+
+def read_glb(path: str | Path) -> tuple[Array, IntArray]:
+    """Read the triangles of a binary glTF file, with the poses of its nodes.
+
+    The coordinates stay as they are in the file: glTF calls its y axis "up", but the meshes of robots are in the frame
+    of their link.
+
+    Parameters
+    ----------
+    path : path
+        The file. Other files that it names are not read.
+
+    Returns
+    -------
+    vertices : array, shape (v, 3)
+        [m]
+    faces : array of int, shape (f, 3)
+
+    Raises
+    ------
+    Exception
+        Of many types, if the file is damaged, needs another file, or has a shape that depends on more than its triangles.
+    """
+    content = Path(path).read_bytes()
+    (length,) = struct.unpack_from("<I", content, LENGTH_AT)
+    refuse_other_shapes(json.loads(content[JSON_START : JSON_START + length]))
+    # Without a resolver trimesh finds no other file.
+    raw: Any = trimesh.load(io.BytesIO(content), file_type="glb", process=False, force="mesh", skip_materials=True)
+    return np.asarray(raw.vertices, float), np.asarray(raw.faces)
+
+
+def refuse_other_shapes(document: dict[str, Any]) -> None:
+    """Refuse what trimesh would leave out or read as another shape.
+
+    Parameters
+    ----------
+    document : dict
+        The JSON part of the file.
+
+    Raises
+    ------
+    ValueError
+        If the file has one of these.
+    """
+    for name in document.get("extensionsRequired", ()):
+        if not str(name).startswith(APPEARANCE):
+            raise ValueError(f"it needs the extension {name}; export it without compression")
+    if document.get("skins"):
+        raise ValueError("it has a mesh with bones; export it without them")
+    meshes = document.get("meshes", ())
+    if any(any(part.get("weights", ())) for part in (*meshes, *document.get("nodes", ()))):
+        raise ValueError("it has a mesh with morph targets; export it without them")
+    if any("sparse" in accessor for accessor in document.get("accessors", ())):
+        raise ValueError("it has sparse accessors; export it without them")
+    if any(part.get("mode") == FAN for mesh in meshes for part in mesh["primitives"]):
+        raise ValueError("it has triangle fans; export it with triangles")
