@@ -38,7 +38,7 @@ def read_glb(path: str | Path) -> tuple[Array, IntArray]:
     Raises
     ------
     Exception
-        Of many types, if the file is damaged, needs another file, or has a shape that depends on more than its triangles.
+        Of many types, if the file is damaged, needs another file, or if its shape is not that of its triangles alone.
     """
     content = Path(path).read_bytes()
     (length,) = struct.unpack_from("<I", content, LENGTH_AT)

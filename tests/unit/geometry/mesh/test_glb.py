@@ -1,4 +1,4 @@
-"""Binary glTF files: nodes, instances, damage, and what has another shape than its triangles. The test writes the files."""
+"""Binary glTF files, written here: nodes, instances, damage, and what has another shape than its triangles."""
 
 import json
 import struct
@@ -52,7 +52,8 @@ def volume(mesh):
 
 
 def same_points(mesh, points):
-    return np.array_equal(np.unique(mesh.vertices.round(6), axis=0), np.unique(np.asarray(points, float).round(6), axis=0))
+    found, known = (np.unique(np.asarray(k, float).round(6), axis=0) for k in (mesh.vertices, points))
+    return np.array_equal(found, known)
 
 
 @pytest.mark.parametrize(("index", "mode"), [(FACES, 4), (STRIP, STRIPS)])

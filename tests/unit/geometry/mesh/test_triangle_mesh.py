@@ -223,9 +223,9 @@ def test_read_mesh_says_where_it_looked(tmp_path):
 
 def test_read_mesh_names_the_formats_it_reads(tmp_path):
     """A format that trimesh might know but we do not promise."""
-    path = tmp_path / "link.glb"
+    path = tmp_path / "link.3mf"
     path.write_text("<COLLADA/>")
-    with pytest.raises(InvalidMesh, match=r"link\.glb has an unknown format\. Use one of stl, ply, obj, off"):
+    with pytest.raises(InvalidMesh, match=r"link\.3mf has an unknown format\. Use one of stl, ply, obj, off, dae, glb"):
         read_mesh(path)
 
 
