@@ -315,28 +315,28 @@ def mesh_to_surface(
     count, counts = MESH_POINTS, np.empty(0, np.int64)
     while len(counts) < MESH_POINTS / 2 and count <= MAX_MESH_POINTS:
         points, normals = points_by_area(mesh, count)
+        if is_cover is not None:  # first: most of a large face can be off the cover
+            kept = is_cover(points)
+            points, normals = points[kept], normals[kept]
         node = table.nearest(points)
         estimates, _, inside = table(surface, points, node)
         over = inside & is_sampled(surface, table.uv[node], known)
         counts = np.flatnonzero(over & is_parallel(normals, table.normals[node], side, FIRST_COSINE))
-        if is_cover is not None:
-            counts = counts[is_cover(points[counts])]
         count *= EXACT_GROWTH
+    rows = np.flatnonzero(np.ones(len(mesh.vertices), bool) if is_cover is None else is_cover(mesh.vertices))
+    vertices = mesh.vertices[rows]
 
     def exact_distances(points: Array, is_on_cover: Callable[[IntArray, Array], BoolArray]) -> Exact:
         def exact(chosen: IntArray) -> Array:
             foot, found = footpoints(surface, points[chosen])
             counts = is_inside(surface, foot, known) & is_on_cover(chosen, surface.normals(foot))
-            if is_cover is not None:
-                kept = np.flatnonzero(counts)
-                counts[kept] = is_cover(points[chosen[kept]])
             return np.where(counts, found, -1.0)
 
         return exact
 
     of_points = exact_distances(points, lambda chosen, of_surface: is_parallel(normals[chosen], of_surface, side))
     of_vertices = exact_distances(
-        mesh.vertices, lambda chosen, of_surface: has_parallel_face(mesh, chosen, of_surface, side)
+        vertices, lambda chosen, of_surface: has_parallel_face(mesh, rows[chosen], of_surface, side)
     )
     if not len(counts):
         raise EmptySection("No mesh face is near the surface with a matching normal. Move the planes.")
@@ -353,9 +353,9 @@ def mesh_to_surface(
             surface,
             table,
             margin,
-            mesh.vertices,
+            vertices,
             of_vertices,
-            lambda of: has_parallel_face(mesh, np.arange(len(of)), of, side, FIRST_COSINE),
+            lambda of: has_parallel_face(mesh, rows, of, side, FIRST_COSINE),
         ),
     )
     if largest < 0:

@@ -21,7 +21,8 @@ def off_cover(hits: Array, rays: Array, normals: Array, closed: bool) -> BoolArr
     Hits at adjacent sites are on one part if the step between them is what the slopes of both faces explain. A small
     part is not the cover if it is one step below a larger one: rays pass a rim or a hole. It is not, either, if it is
     one step above a larger one and narrow along a rim, with no more sites than sides there: it hides a rim which is
-    known to the distance of sites only. A single hit says nothing about a surface.
+    known to the distance of sites only. Of a single row of sites, half at the rim are enough: a fin leaves the rim. A
+    single hit says nothing about a surface.
 
     Parameters
     ----------
@@ -57,13 +58,16 @@ def off_cover(hits: Array, rays: Array, normals: Array, closed: bool) -> BoolArr
     dropped = (sizes == 1) & (sizes.max(initial=0) > 1)
     if not linked.all():
         up_to_b = steps[~linked] > 0
-        sides = 4 - np.bincount(np.append(a, b), minlength=number.size)  # of each site, without a hit next to them
-        rim = np.bincount(part[known], sides[known], len(sizes))  # the same of each part
+        at_rim, free = (  # sides of each part without a hit next to them, and those without one on the same part
+            np.bincount(part[known], 4.0 - np.bincount(next_to, minlength=number.size)[known], len(sizes))
+            for next_to in (np.append(a, b), np.append(a[linked], b[linked]))
+        )
+        is_narrow = (sizes <= at_rim) | ((sizes <= 2 * at_rim) & (2 * sizes <= free))
         a, b = part[a[~linked]], part[b[~linked]]
         lower, upper = np.where(up_to_b, a, b), np.where(up_to_b, b, a)
         # The largest first: a part next to one that is dropped may stay.
         for i in sorted(np.unique(np.append(a, b)), key=lambda i: -sizes[i]):
-            others = np.append(upper[lower == i], lower[(upper == i) & (sizes[i] <= rim[i])])
+            others = np.append(upper[lower == i], lower[(upper == i) & is_narrow[i]])
             dropped[i] |= (~dropped[others] & (sizes[i] <= MAX_FRACTION * sizes[others])).any()
     return (dropped[part] & known).reshape(number.shape)
 

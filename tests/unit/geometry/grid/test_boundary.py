@@ -227,21 +227,25 @@ def test_between_sites_outside_the_boundary_nothing_is_trusted():
 
 
 @pytest.mark.parametrize(
-    ("front", "dropped"),
+    ("front", "outside", "dropped"),
     [
-        (np.s_[:2, :2], True),
-        (np.s_[:1, :], True),
-        (np.s_[:2, :], False),
-        (np.s_[:, 3:4], False),
-        (np.s_[2:4, 2:4], False),
+        (np.s_[:2, :2], 0, True),
+        (np.s_[:1, :], 0, True),
+        (np.s_[:2, :], 0, False),
+        (np.s_[:, 3:4], 0, False),
+        (np.s_[2:4, 2:4], 0, False),
+        (np.s_[:8, 2:3], np.s_[:4, :2], True),
+        (np.s_[:8, 2:4], np.s_[:4, :2], False),
     ],
-    ids=["corner", "row", "rows", "rib", "bump"],
+    ids=["corner", "row", "rows", "rib", "bump", "fin", "thick fin"],
 )
-def test_only_small_parts_at_a_rim_are_in_front_of_it(front, dropped):
-    """A bump or a rib is part of the cover. So is more than a row at the rim."""
+def test_only_small_parts_at_a_rim_are_in_front_of_it(front, outside, dropped):
+    """A bump or a rib is part of the cover. So is more than a row at the rim; a fin leaves the rim half-way."""
     x, y = np.mgrid[:12, :9] * 0.003
     hits = np.stack((x, y, 0 * x), axis=2)
     hits[(*front, 2)] = 0.01
+    if outside:
+        hits[outside] = np.nan
     up = np.broadcast_to((0.0, 0.0, 1.0), hits.shape)
     off = off_cover(hits, up, up, False)
     assert off[front].all() == off.any() == dropped
