@@ -245,6 +245,7 @@ def fit_warnings(
     smallest_at: Array,
     movement: Array | None,
     limits: DeviationLimits,
+    worst: tuple[Array, Array, float] | None,
 ) -> Iterator[Warning]:
     """Yield the warnings that an author should check before trusting a fit.
 
@@ -266,6 +267,8 @@ def fit_warnings(
         Of the surface at the sites in the last iteration [m]; None if the iterations converged.
     limits : DeviationLimits
         Distances from the mesh that are warned of.
+    worst : (uv, point, distance), or None
+        The maximum deviation between the sites, as the report states it; None if it is unknown.
     """
     yield from lines.warnings
     missed, what = samples.missed, "mesh"
@@ -286,6 +289,9 @@ def fit_warnings(
             "Close the hole, or keep the skin away from it.",
         )
     distance, place = maximum_deviation(mesh, lines, basis, samples, limits.warned)
+    if worst is not None and worst[2] > distance:
+        at, distance = nearest_site(samples, worst[0], lines.closed), worst[2]
+        place = Place(point_of(worst[1]), nearest_names(lines, basis, at))
     if distance > limits.warned:
         yield Warning(
             "off-mesh",

@@ -128,6 +128,12 @@ class SurfaceFit:
         to_surface = mesh_to_surface(mesh, self.surface, known, side, is_cover)
         return SurfaceErrors(to_surface, to_mesh, max(to_surface.max, to_mesh.max))
 
+    @cached_property
+    def _step(self) -> float:
+        """Return the usual distance of adjacent hits, along the direction in which it is longer [m]; 0 without any."""
+        steps = [np.linalg.norm(np.diff(self.points, axis=axis), axis=2) for axis in (0, 1)]
+        return max(float(np.median(known)) if (known := a[~np.isnan(a)]).size else 0.0 for a in steps)
+
     @property
     def _mesh_inside(self) -> tuple[TriangleMesh, IsCover | None]:
         """Return the faces of the mesh inside the boundary, and which points of them are on the cover.
@@ -139,7 +145,7 @@ class SurfaceFit:
         region = self.lines.region
         if region is None:
             return self.mesh, None
-        step = max(np.nanmedian(np.linalg.norm(np.diff(self.points, axis=axis), axis=2)) for axis in (0, 1))
+        step = self._step
         hit = np.abs(np.nan_to_num(self.residuals, nan=np.inf)) <= step
         if not hit.any():
             return self.mesh, None
@@ -184,7 +190,7 @@ class SurfaceFit:
         """Return the position of the maximum deviation from the mesh: parameters (2,), point (3,) [m], distance [m]."""
         statistics, index = self._to_mesh
         uv = surface_samples(self.surface)[0]
-        at = uv[self.is_trusted(uv)][index]
+        at = uv[self.is_measured(uv)][index]
         return at, self.surface.points(at[None])[0], statistics.max
 
     @cached_property
@@ -193,7 +199,7 @@ class SurfaceFit:
 
         Their maximum is that of ``errors``, which computes fewer of them.
         """
-        trusted = self.is_trusted(surface_samples(self.surface)[0])
+        trusted = self.is_measured(surface_samples(self.surface)[0])
         points, bounds, _ = self.bounds()
         found = np.full(len(trusted), np.nan)
         found[trusted] = np.minimum(bounds, NearMesh(self.mesh, self.samples.faces)(points, bounds))
@@ -287,7 +293,7 @@ class SurfaceFit:
         """
         uv, areas = surface_samples(self.surface)
         arms, samples = self._cast(TensorBasis.of(self.lines, *self.surface.degree, SAMPLES_PER_SPAN, between=True))
-        trusted = np.flatnonzero(self.is_trusted(uv))
+        trusted = np.flatnonzero(self.is_measured(uv))
         points = (samples.origins + arms).reshape(-1, 3)[trusted]
         foot = closest_on_triangles(points, self.mesh.triangles[samples.faces.ravel()[trusted]])
         bounds = np.linalg.norm(foot - points, axis=1)
@@ -309,6 +315,19 @@ class SurfaceFit:
         is_inside = self.lines.region(self.surface.points(uv))
         return is_inside & is_sampled(self.surface, uv, known, outside)
 
+    def is_measured(self, uv: Array) -> BoolArray:
+        """Return at which parameters (m, 2) errors count: where the surface is trusted, near a hit.
+
+        At a boundary some of the sites around are outside, and a hit can be farther away than hits are from each other:
+        in a tip of the boundary, and at its ends, where sites are sparse. There the surface is extrapolated.
+        """
+        counts = self.is_trusted(uv)
+        if self.samples.outside is not None:
+            chosen = np.flatnonzero(counts)
+            points, hits = self.surface.points(uv[chosen]), cKDTree(self.points[~np.isnan(self.residuals)])
+            counts[chosen] = np.isfinite(hits.query(points, distance_upper_bound=np.sqrt(2) * self._step)[0])
+        return counts
+
     @cached_property
     def condition(self) -> float:
         """Return the condition number of the least squares."""
@@ -327,7 +346,12 @@ class SurfaceFit:
     def warnings(self) -> tuple[Warning, ...]:
         """Return what an author should check before trusting this surface."""
         parts = self.lines, self.basis, self.samples
-        found = [*self.outliers, *fit_warnings(self.mesh, *parts, *self._smallest_area, self.movement, self.limits)]
+        try:
+            worst = self.worst
+        except EmptySection:
+            worst = None
+        about = fit_warnings(self.mesh, *parts, *self._smallest_area, self.movement, self.limits, worst)
+        found = [*self.outliers, *about]
         if self.lines.region is None:  # with a boundary, what is next to or below the surface is left out on purpose
             found += dropped_curve_warnings(self.lines, self.basis, self._dropped_curves)
             found += undercut_warnings(self.mesh, *parts, self.surface)

@@ -283,6 +283,15 @@ def test_step_is_a_warning_with_its_place(at):
     assert_one_line_with_advice(text)
 
 
+@pytest.mark.parametrize("n", [7, 8, 9, 10])
+def test_warning_has_the_maximum_of_the_report(n):
+    """One measure: between the sites of the fit the surface can be farther off than at them."""
+    fit = fit_surface(with_step(0.03, 0.3), TubeGrid(n, 16, Z_AXIS, 0.004, "uniform"))
+    (warning,) = fit.warnings
+    at_sites = MeshDistance(fit.mesh)((fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
+    assert warning.value == pytest.approx(max(at_sites, fit.errors.surface_to_mesh.max), rel=1e-3)
+
+
 @pytest.mark.parametrize("scale", [0.2, 0.4, 1.0, 2.0, 3.0])
 def test_limits_are_lengths_and_not_fractions_of_the_mesh(scale):
     """The same shape in five sizes: a warning above 2 mm, refused above 10 mm; the message has both numbers."""

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from scipy.spatial import cKDTree
 
 from skin_calib_addon.common.errors import EmptySection
 from skin_calib_addon.geometry import fit_grid, fit_surface
@@ -16,6 +17,7 @@ from skin_calib_addon.geometry.grid.boundary import Boundary
 from skin_calib_addon.geometry.grid.grids import Across, Grid, Sector, Size, Tolerance, Tube
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from skin_calib_addon.geometry.sampling.off_cover import off_cover
+from skin_calib_addon.geometry.surface.distance import surface_samples
 from tests.shapes import cylinder
 
 RADIUS, HEIGHT = 0.05, 0.2
@@ -47,6 +49,20 @@ def test_inside_is_that_of_a_polygon(seed):
     shift = np.array((0.0, rng.uniform(-9, 9)))  # along t, which comes back after 2 pi
     wrapped = [np.column_stack((q[:, 0], (q + shift)[:, 1] % (2 * np.pi))) for q in (outer, inner, points)]
     assert Boundary.of(wrapped[:2], 2 * np.pi).contains(wrapped[2]).tolist() == expected
+
+
+def test_errors_are_measured_near_hits():
+    """In a tip of the boundary at the end of the planes, the surface is extrapolated: it does not count as an error."""
+    tip = ((0.01, 0.01, 0.0), (0.07, 0.01, 0.0), (0.09, 0.012, 0.0), (0.07, 0.05, 0.0), (0.01, 0.05, 0.0))
+    fit = fit_grid(over_floor(0.0), Grid(Across(normal=(0, 0, 1), boundary=(tip,)), Size(6, 6), "uniform"), (3, 3))
+    trusted, measured = fit.is_trusted(UV), fit.is_measured(UV)
+    hits = fit.points[~np.isnan(fit.residuals)]
+    away = cKDTree(hits).query(fit.surface.points(UV))[0]
+    steps = [np.nanmedian(np.linalg.norm(np.diff(fit.points, axis=axis), axis=2)) for axis in (0, 1)]
+    limit = np.sqrt(2) * max(steps)
+    assert (measured == trusted & (away < limit)).all() and 10 < (trusted & ~measured).sum() < 0.1 * trusted.sum()
+    found = fit.deviations
+    assert (np.isnan(found) == ~fit.is_measured(surface_samples(fit.surface)[0])).all()
 
 
 def test_points_level_with_a_corner_are_decided():
