@@ -4,7 +4,6 @@ import numpy as np
 
 from ...calibration.model import TaxelArray
 from ...common.arrays import Array, IntArray, cross, unit
-from ...geometry.surface.footpoints import footpoints
 from ..lattice import HexLattice
 from ..neighbours import neighbours
 from ..sheet.net import board_net
@@ -58,7 +57,7 @@ def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overh
         neighbours=adjacent,
         ports=_ports(ids, positions, sides, pairs),
         quality={
-            "gap": _corner_gaps(boards, corners - boards.offset * normals[:, None]),
+            "gap": boards.gaps(),
             "tilt": _largest_per_board(angles(normals, pairs), pairs, len(ids)),
             "pitch_error": _largest_per_board(np.abs(_distances(positions, linked) - lattice.pitch), linked, len(ids)),
             "collision": _collisions(boards),
@@ -106,17 +105,6 @@ def _largest_per_board(values: Array, pairs: IntArray, count: int) -> Array:
     result = np.zeros(count)
     np.maximum.at(result, pairs[:, 0], values)
     return result
-
-
-def _corner_gaps(boards: WrappedBoards, corners: Array) -> Array:
-    """Return the signed height of the worst corner of each board above the surface, shape (n,) [m].
-
-    ``corners`` (n, 6, 3) are those of the tangent planes [m].
-    """
-    points = corners.reshape(-1, 3)
-    uv, _ = footpoints(boards.surface, points)
-    heights = ((points - boards.surface.points(uv)) * boards.surface.normals(uv)).sum(axis=1).reshape(len(corners), -1)
-    return heights[np.arange(len(heights)), np.abs(heights).argmax(axis=1)]
 
 
 def _collisions(boards: WrappedBoards) -> Array:

@@ -17,7 +17,8 @@ from .overlap import TOUCH
 # [m] Largest distance of the centre of a board, or of a cell of a trimmed sheet, from the mesh. A proposal counts on
 # it. Larger: skin where the surface does not follow the mesh.
 MAX_DISTANCE = 1e-3
-# [m] Largest distance of a corner of a board that needs no warning. Larger: large boards on smaller radii.
+# [m] Largest height of a corner of a board above the surface that needs no warning. Larger: large boards on smaller
+# radii.
 GAP_LIMIT = 3e-3
 # [1] Largest distance of any other point of a board from the mesh, in sides. Larger: boards on smaller radii. Half:
 # 48 instead of 55 boards on four links of the G1; double: 55.
@@ -46,7 +47,6 @@ class Ground:
     fit: SurfaceFit | None  # None: a surface without a mesh
     excluded: Sequence[Zone]
     side: float  # of the boards [m]
-    gap: float  # largest distance of a point of a board from the mesh [m]
 
     @cached_property
     def _distance(self) -> MeshDistance | None:
@@ -90,12 +90,13 @@ class Ground:
         over = np.ones(len(points), bool)
         if self._distance is None:
             return over
-        over[:] = self._distance.tree.query(points, distance_upper_bound=self.gap + self._distance.radius)[0] < np.inf
+        limit = MAX_GAP * self.side
+        over[:] = self._distance.tree.query(points, distance_upper_bound=limit + self._distance.radius)[0] < np.inf
         near = np.flatnonzero(over)
         distance, _, foot = self._distance(points[near])
         heights = np.abs(((points[near] - foot) * normals[near]).sum(axis=1))
         aside = np.sqrt(np.maximum(distance**2 - heights**2, 0))
-        over[near] = (distance <= self.gap) & (aside <= TOUCH * self.side + MAX_SLOPE * heights)
+        over[near] = (distance <= limit) & (aside <= TOUCH * self.side + MAX_SLOPE * heights)
         return over
 
     def carries(self, uv: Array) -> BoolArray:

@@ -12,6 +12,7 @@ from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidPlan, OutsideSurface, millimetres
 from ...geometry.fit.surface_fit import SurfaceFit
 from ...geometry.surface.bspline import BSplineSurface
+from ...geometry.surface.footpoints import footpoints
 from ..lattice import HexLattice
 from ..sheet.offset import offset_surface
 from ..sheet.wrap import check_size, on_surface, root_of
@@ -58,6 +59,24 @@ class WrappedBoards:
         normals = self.surface.normals(self.uv)
         positions = self.surface.points(self.uv) + self.offset * normals
         return overlapping(positions, normals, self.tangents, self.lattice, abs(self.offset))
+
+    def gaps(self) -> Array:
+        """Return the signed height of the worst corner of each board above the surface, shape (n,) [m]."""
+        normals = self.surface.normals(self.uv)
+        axes = np.stack((self.tangents, np.cross(normals, self.tangents)), axis=1)
+        corners = (self.surface.points(self.uv)[:, None] + self.lattice.corners @ axes).reshape(-1, 3)
+        foot, _ = footpoints(self.surface, corners)
+        heights = ((corners - self.surface.points(foot)) * self.surface.normals(foot)).sum(axis=1)
+        heights = heights.reshape(-1, len(self.lattice.corners))
+        worst: Array = heights[np.arange(len(heights)), np.abs(heights).argmax(axis=1)]
+        return worst
+
+    def are_near(self) -> BoolArray:
+        """Return which boards need no warning because of their corners, shape (n,)."""
+        if MAX_GAP * self.lattice.side <= GAP_LIMIT:  # all that fit
+            return np.ones(len(self.cells), bool)
+        near: BoolArray = np.abs(self.gaps()) <= GAP_LIMIT
+        return near
 
 
 def lay_boards(
@@ -114,25 +133,27 @@ def lay_boards(
         If a board of the given sequence is outside the surface.
     """
     start, along = (None if k is None else tuple(np.asarray(k, float).tolist()) for k in (origin, direction))
-    fill, most = isinstance(choice, str) and choice == "fill", MAX_GAP * lattice.side
-    for gap in sorted({min(GAP_LIMIT, most), most}):  # boards that need a warning only where there are no others
-        layout = _layout_of(surface, lattice, start, along, offset, fit, tuple(excluded), gap)
-        pose, boards = layout.fullest if fill else layout.at_start
-        covered = boards[layout.outline_is_covered(boards, pose)]
-        if len(covered.cells):
-            break
-    if not isinstance(choice, str):
-        return layout.listed(np.array(choice, np.int64).reshape(-1, 2), pose, boards)
-    if not len(covered.cells):
-        width, height = layout.search.region.size * 1e3
-        raise InvalidPlan(
-            f"no board with sides of {lattice.side * 1e3:g} mm fits completely in the region, which is {width:.1f} "
-            f"x {height:.1f} mm over all, with its centre within {MAX_DISTANCE * 1e3:g} mm and "
-            f"{np.rad2deg(MAX_ANGLE):.0f} degrees of the mesh, and its corners within {most * 1e3:.2g} mm; extend the "
-            "surface, or use smaller boards"
-        )
-    boards = _rooted(covered, layout.to_flat) if fill else covered
-    return boards, np.zeros(len(boards.cells))
+    layout = _layout_of(surface, lattice, start, along, offset, fit, tuple(excluded))
+    if isinstance(choice, str):
+        if choice == "fill":
+            pose, boards = layout.most_boards([*layout.search.best(), *layout.given()])
+        else:
+            pose, boards = layout.at_start
+        boards = boards[layout.outline_is_covered(boards, pose)]
+        if not len(boards.cells):
+            width, height = layout.search.region.size * 1e3
+            raise InvalidPlan(
+                f"no board with sides of {lattice.side * 1e3:g} mm fits completely in the region, which is {width:.1f} "
+                f"x {height:.1f} mm over all, with its centre within {MAX_DISTANCE * 1e3:g} mm and "
+                f"{np.rad2deg(MAX_ANGLE):.0f} degrees of the mesh, and its corners within "
+                f"{MAX_GAP * lattice.side * 1e3:.2g} mm; extend the surface, or use smaller boards"
+            )
+        near = boards.are_near()
+        boards = boards[near] if near.any() else boards
+        if choice == "fill":
+            boards = _rooted(boards, layout.to_flat)
+        return boards, np.zeros(len(boards.cells))
+    return layout.listed(np.array(choice, np.int64).reshape(-1, 2), *layout.at_start)
 
 
 def wrap_boards(
@@ -199,12 +220,8 @@ class Layout:
         offset: float,
         fit: SurfaceFit | None,
         excluded: Sequence[Zone],
-        gap: float,
     ) -> "Layout":
-        """Develop the surface and find the region of the boards.
-
-        Parameters as for :func:`lay_boards`, and the largest distance of a corner of a board from the mesh [m].
-        """
+        """Develop the surface and find the region of the boards; parameters as for :func:`lay_boards`."""
         layer, start, pitch = offset_surface(surface, offset), root_of(surface, origin), lattice.pitch
         length, breadth = lengths_of(layer)
         if np.pi / 4 * (length**2 + breadth**2) > MAX_CELLS * lattice.row_step * pitch:
@@ -213,7 +230,7 @@ class Layout:
                 f"{pitch * 1e3:g} mm; lengths are in metres"
             )
         to_flat = flat_map(layer, start, direction, fit, MAP_SPACING * pitch, OVER_CUT * pitch)
-        ground = Ground(surface, fit, tuple(excluded), lattice.side, gap)
+        ground = Ground(surface, fit, tuple(excluded), lattice.side)
         period = None
         if surface.closed[1]:
             low, high = to_flat(start + [(0.0, -0.5), (0.0, 0.5)])
@@ -241,25 +258,15 @@ class Layout:
             stretches += closing[gaps <= MAX_PITCH_CHANGE * self.lattice.pitch].tolist()
         return [Poses.at(0.0, stretch) for stretch in stretches]
 
-    @property
-    def fullest(self) -> tuple[Poses, WrappedBoards]:
-        """Return the pose with the most boards of those that were searched and the given one, and the boards."""
-        return self.most_boards([*self.search.best(), *self.given()])
-
     @cached_property
     def at_start(self) -> tuple[Poses, WrappedBoards]:
-        """Return the given pose with the most boards, and the boards."""
+        """Return the given pose with the most boards, as :meth:`most_boards` counts, and the boards."""
         return self.most_boards(self.given())
 
     def most_boards(self, poses: Iterable[Poses]) -> tuple[Poses, WrappedBoards]:
-        """Return the first pose with the most boards, and the boards."""
-        best: tuple[Poses, WrappedBoards] | None = None
-        for pose in poses:
-            boards = self.complete(pose)
-            if best is None or len(boards.cells) > len(best[1].cells):
-                best = pose, boards
-        assert best is not None  # there is always the given pose
-        return best
+        """Return the first pose with the most boards that need no warning, of these with the most, and the boards."""
+        found = [(pose, self.complete(pose)) for pose in poses]
+        return max(found, key=lambda pair: (int(pair[1].are_near().sum()), len(pair[1].cells)))
 
     def placed(self, pose: Poses, cells: IntArray) -> tuple[WrappedBoards, Array]:
         """Return boards at a pose, and the distances of their flat positions from the map (n,) [m]."""

@@ -256,7 +256,7 @@ def test_between_sites_outside_the_boundary_nothing_is_trusted():
     ids=["corner", "row", "rows", "rib", "bump", "fin", "thick fin"],
 )
 def test_only_small_parts_at_a_rim_are_in_front_of_it(front, outside, dropped):
-    """A bump or a rib is part of the cover. So is more than a row at the rim; a fin leaves the rim half-way."""
+    """A bump or a rib is part of the cover. So is more than a row at the rim; a fin leaves the rim."""
     x, y = np.mgrid[:12, :9] * 0.003
     hits = np.stack((x, y, 0 * x), axis=2)
     hits[(*front, 2)] = 0.01

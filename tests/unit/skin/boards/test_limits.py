@@ -11,7 +11,7 @@ import pytest
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry import AcrossGrid, fit_surface
 from skin_calib_addon.skin import HexLattice
-from skin_calib_addon.skin.boards.ground import MAX_GAP, Ground
+from skin_calib_addon.skin.boards.ground import Ground
 from skin_calib_addon.skin.boards.layout import Layout
 from skin_calib_addon.skin.boards.overlap import overlapping
 from skin_calib_addon.skin.boards.search import Search
@@ -34,7 +34,7 @@ def above(plate, height, degrees=0.0):
     c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
     middle = np.array((0.05, 0.04, 0.0))
     net = (FLOOR.control_net - middle) @ np.array(((c, 0, s), (0, 1, 0), (-s, 0, c))) + middle + height * UP
-    return Ground(replace(FLOOR, control_net=net), plate, (), SIDE, MAX_GAP * SIDE)
+    return Ground(replace(FLOOR, control_net=net), plate, (), SIDE)
 
 
 @pytest.mark.parametrize(
@@ -82,6 +82,6 @@ def test_rows_close_around_a_tube_with_up_to_6_percent_between_the_boards():
 
 def test_surface_around_which_50000_boards_fit_is_refused():
     """On the circle about this plate, 48 400 boards are possible, and 51 600 are not."""
-    Layout.of(FLOOR, HexLattice(3.2e-4, 0.0), None, None, 0.0, None, (), 3e-3)
+    Layout.of(FLOOR, HexLattice(3.2e-4, 0.0), None, None, 0.0, None, ())
     with pytest.raises(InvalidPlan, match="extends too far"):
-        Layout.of(FLOOR, HexLattice(3.1e-4, 0.0), None, None, 0.0, None, (), 3e-3)
+        Layout.of(FLOOR, HexLattice(3.1e-4, 0.0), None, None, 0.0, None, ())

@@ -19,7 +19,7 @@ MIDDLE = np.array((0.05, 0.04))
 def layout(zones=(), lattice=LATTICE):
     """Boards on a plate, with the root in its middle."""
     fit = fit_surface(sheet(lambda x, y: 0 * x), AcrossGrid(6, 6, (0, 0, 1), (1, 0, 0)))
-    return Layout.of(fit.surface, lattice, (*MIDDLE, 0), (1, 0, 0), 0.0, fit, zones, 3e-3)
+    return Layout.of(fit.surface, lattice, (*MIDDLE, 0), (1, 0, 0), 0.0, fit, zones)
 
 
 def zone(depth, along, radius):
@@ -79,6 +79,6 @@ def test_depth_is_exact_to_a_twentieth_of_a_millimetre():
 def test_nodes_of_the_map_are_half_a_pitch_apart_up_to_40_parts(side):
     """The flat map of a plate of 100 x 80 mm has a knot of the surface every 33 and 27 mm, and parts between them."""
     lattice = HexLattice(side, 0.0)
-    to_flat = Layout.of(FLOOR, lattice, None, None, 0.0, None, (), 3e-3).to_flat
+    to_flat = Layout.of(FLOOR, lattice, None, None, 0.0, None, ()).to_flat
     steps = [length / max(lattice.pitch / 2, length / 40) for length in (0.1, 0.08)]
     assert to_flat.flat.control_net.shape[:2] == pytest.approx([step + 3 for step in steps], abs=2)
