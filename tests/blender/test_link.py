@@ -69,13 +69,15 @@ def test_given_unit_is_used(bpy, tmp_path, unit, factor):
 def test_unreadable_mesh_is_refused(bpy, addon, tmp_path):
     """A missing file, an invalid mesh and an unknown format give one line each, and no object."""
     (tmp_path / "text.stl").write_text("no mesh")
+    (tmp_path / "link.fbx").write_text("<COLLADA/>")
     (tmp_path / "link.glb").write_text("<COLLADA/>")
     (tmp_path / "link.dae").write_text("<COLLADA/>")
     before = scene_state(bpy, addon)
     for name, words in (
         ("none.ply", "no mesh file"),
         ("text.stl", "text.stl"),
-        ("link.glb", "link.glb has an unknown format"),
+        ("link.fbx", "link.fbx has an unknown format"),
+        ("link.glb", "link.glb is not a valid GLB file: it does not have the header of glTF"),
         ("link.dae", "link.dae is not a valid DAE file"),
     ):
         with pytest.raises(RuntimeError, match=f"Error: .*{words}"):

@@ -11,8 +11,8 @@ import trimesh
 
 from ...common.arrays import Array, IntArray
 
-JSON_START = 20  # bytes of the headers of the file and of its first part, which is JSON. Format
-LENGTH_AT = 12  # byte where the length of that part is. Format
+MAGIC = b"glTF"  # first bytes. Format
+HEADER = struct.Struct("<4sIIII")  # those, version, bytes of the file, bytes and kind of its first part, JSON. Format
 # Extensions of the appearance only; a file may require them. Others may compress or change the shape.
 APPEARANCE = ("KHR_materials_", "KHR_texture_", "EXT_texture_")
 FAN = 6  # mode of primitives that trimesh leaves out. Format
@@ -41,8 +41,12 @@ def read_glb(path: str | Path) -> tuple[Array, IntArray]:
         Of many types, if the file is damaged, needs another file, or if its shape is not that of its triangles alone.
     """
     content = Path(path).read_bytes()
-    (length,) = struct.unpack_from("<I", content, LENGTH_AT)
-    refuse_other_shapes(json.loads(content[JSON_START : JSON_START + length]))
+    if len(content) < HEADER.size or not content.startswith(MAGIC):
+        raise ValueError("it does not have the header of glTF")
+    _, _, size, length, _ = HEADER.unpack_from(content)
+    if size > len(content):
+        raise ValueError(f"it is truncated: its header announces {size} bytes, but it has {len(content)}")
+    refuse_other_shapes(json.loads(content[HEADER.size : HEADER.size + length]))
     # Without a resolver trimesh finds no other file.
     raw: Any = trimesh.load(io.BytesIO(content), file_type="glb", process=False, force="mesh", skip_materials=True)
     return np.asarray(raw.vertices, float), np.asarray(raw.faces)
