@@ -268,7 +268,8 @@ def fit_warnings(
     limits : DeviationLimits
         Distances from the mesh that are warned of.
     worst : (uv, point, distance), or None
-        The maximum deviation between the sites, as the report states it; None if it is unknown.
+        The maximum deviation between the sites, as the report states it: parameters (2,), point (3,) [m], and distance
+        [m]; None if no point is measured.
     """
     yield from lines.warnings
     missed, what = samples.missed, "mesh"

@@ -195,14 +195,14 @@ class SurfaceFit:
 
     @cached_property
     def deviations(self) -> Array:
-        """Return the distance from surface to mesh of each of ``surface_samples``, shape (k,) [m]; NaN over holes.
+        """Return the distance from surface to mesh of each of ``surface_samples``, (k,) [m]; NaN where not measured.
 
         Their maximum is that of ``errors``, which computes fewer of them.
         """
-        trusted = self.is_measured(surface_samples(self.surface)[0])
+        measured = self.is_measured(surface_samples(self.surface)[0])
         points, bounds, _ = self.bounds()
-        found = np.full(len(trusted), np.nan)
-        found[trusted] = np.minimum(bounds, NearMesh(self.mesh, self.samples.faces)(points, bounds))
+        found = np.full(len(measured), np.nan)
+        found[measured] = np.minimum(bounds, NearMesh(self.mesh, self.samples.faces)(points, bounds))
         return found
 
     @cached_property
@@ -285,7 +285,7 @@ class SurfaceFit:
         Returns
         -------
         points : array, shape (k, 3)
-            Points of the surface that ``errors`` uses, without holes [m].
+            Points of the surface that ``errors`` uses, where it is measured [m].
         bounds : array, shape (k,)
             [m]; infinite where the ray hit nothing.
         areas : array, shape (k,)
@@ -293,12 +293,12 @@ class SurfaceFit:
         """
         uv, areas = surface_samples(self.surface)
         arms, samples = self._cast(TensorBasis.of(self.lines, *self.surface.degree, SAMPLES_PER_SPAN, between=True))
-        trusted = np.flatnonzero(self.is_measured(uv))
-        points = (samples.origins + arms).reshape(-1, 3)[trusted]
-        foot = closest_on_triangles(points, self.mesh.triangles[samples.faces.ravel()[trusted]])
+        measured = np.flatnonzero(self.is_measured(uv))
+        points = (samples.origins + arms).reshape(-1, 3)[measured]
+        foot = closest_on_triangles(points, self.mesh.triangles[samples.faces.ravel()[measured]])
         bounds = np.linalg.norm(foot - points, axis=1)
-        bounds[np.isnan(samples.residuals.ravel()[trusted])] = np.inf
-        return points, bounds, areas[trusted]
+        bounds[np.isnan(samples.residuals.ravel()[measured])] = np.inf
+        return points, bounds, areas[measured]
 
     def _cast(self, basis: TensorBasis) -> tuple[Array, RaySamples]:
         arms = basis.blend(self.offsets[..., None] * self.lines.directions)
@@ -316,7 +316,7 @@ class SurfaceFit:
         return is_inside & is_sampled(self.surface, uv, known, outside)
 
     def is_measured(self, uv: Array) -> BoolArray:
-        """Return at which parameters (m, 2) errors count: where the surface is trusted, near a hit.
+        """Return at which parameters (m, 2) errors count, shape (m,): where the surface is trusted, near a hit.
 
         At a boundary some of the sites around are outside, and a hit can be farther away than hits are from each other:
         in a tip of the boundary, and at its ends, where sites are sparse. There the surface is extrapolated.

@@ -60,11 +60,15 @@ class WrappedBoards:
         positions = self.surface.points(self.uv) + self.offset * normals
         return overlapping(positions, normals, self.tangents, self.lattice, abs(self.offset))
 
+    def corners(self) -> Array:
+        """Return the corners of the boards in the tangent planes at their centres, shape (n, 6, 3) [m]."""
+        axes = np.stack((self.tangents, np.cross(self.surface.normals(self.uv), self.tangents)), axis=1)
+        placed: Array = self.surface.points(self.uv)[:, None] + self.lattice.corners @ axes
+        return placed
+
     def gaps(self) -> Array:
         """Return the signed height of the worst corner of each board above the surface, shape (n,) [m]."""
-        normals = self.surface.normals(self.uv)
-        axes = np.stack((self.tangents, np.cross(normals, self.tangents)), axis=1)
-        corners = (self.surface.points(self.uv)[:, None] + self.lattice.corners @ axes).reshape(-1, 3)
+        corners = self.corners().reshape(-1, 3)
         foot, _ = footpoints(self.surface, corners)
         heights = ((corners - self.surface.points(foot)) * self.surface.normals(foot)).sum(axis=1)
         heights = heights.reshape(-1, len(self.lattice.corners))
@@ -72,8 +76,11 @@ class WrappedBoards:
         return worst
 
     def are_near(self) -> BoolArray:
-        """Return which boards need no warning because of their corners, shape (n,)."""
-        if MAX_GAP * self.lattice.side <= GAP_LIMIT:  # all that fit
+        """Return which boards need no warning because of their corners, shape (n,).
+
+        The corners of small boards that fit are nearer to the mesh than the limit; their heights are not computed.
+        """
+        if MAX_GAP * self.lattice.side <= GAP_LIMIT:
             return np.ones(len(self.cells), bool)
         near: BoolArray = np.abs(self.gaps()) <= GAP_LIMIT
         return near
@@ -306,9 +313,7 @@ class Layout:
         """Return which boards are on the ground completely."""
         chosen = np.flatnonzero(self.clearances(boards, pose) >= -TOUCH * self.lattice.side)
         chosen = chosen[self.ground.carries(boards.uv[chosen])]
-        normals = self.surface.normals(boards.uv[chosen])
-        axes = np.stack((boards.tangents[chosen], np.cross(normals, boards.tangents[chosen])), axis=1)
-        corners = self.surface.points(boards.uv[chosen])[:, None] + self.lattice.corners @ axes
+        normals, corners = self.surface.normals(boards.uv[chosen]), boards[chosen].corners()
         over = self.ground.is_over_mesh(corners.reshape(-1, 3), np.repeat(normals, corners.shape[1], axis=0))
         fits = np.zeros(len(boards.cells), bool)
         fits[chosen[over.reshape(len(chosen), corners.shape[1]).all(axis=1)]] = True

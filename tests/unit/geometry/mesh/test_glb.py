@@ -108,12 +108,9 @@ def test_appearance_is_of_no_matter(tmp_path):
 
 
 def test_nodes_in_a_circle_end(tmp_path):
-    """A file that is not a tree is refused, or its mesh is there once."""
+    """Nodes that are children of each other: each mesh is there once."""
     nodes = [{"children": [1], "mesh": 0}, {"children": [0], "inner": True}]
-    try:
-        assert len(read_mesh(written(tmp_path, nodes=nodes)).faces) == 4
-    except InvalidMesh as problem:
-        assert "not a valid GLB file" in str(problem)
+    assert len(read_mesh(written(tmp_path, nodes=nodes)).faces) == 4
 
 
 @pytest.mark.parametrize("size", [0, 3, 12, 19, 100, -200, -1])
