@@ -123,6 +123,25 @@ def cross(a: Array, b: Array) -> Array:
     return result
 
 
+def ranges(first: IntArray | int, counts: IntArray) -> IntArray:
+    """Return the whole numbers of ranges, one range after the other.
+
+    Parameters
+    ----------
+    first : array of int, shape (k,), or int
+        First number of each range.
+    counts : array of int, shape (k,)
+        How many numbers each range has.
+
+    Returns
+    -------
+    array of int, shape (sum of ``counts``,)
+    """
+    ends = np.cumsum(counts)
+    numbers: IntArray = np.arange(int(counts.sum())) + np.repeat(first - ends + counts, counts)
+    return numbers
+
+
 # [1] length of a vector of an author, or of a mean of unit vectors, below which it has no direction. Larger: more
 # directions are refused.
 MIN_DIRECTION_LENGTH = 1e-6

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...calibration.model import Patch
+from ...common.arrays import ranges
 from ...geometry.sampling.planes import Planes, perpendicular
 from ...geometry.sampling.sections import cut_sections
 from ...geometry.surface.distance import SAMPLES_PER_SPAN, sample_lines
@@ -172,7 +173,7 @@ def inside(fit: Any, ends: np.ndarray) -> np.ndarray:
         return ends
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     count = np.ceil(lengths * CURVE_POINTS / fit.mesh.size).astype(int).clip(1)
-    part = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)) / np.repeat(count, count)
+    part = ranges(0, count) / np.repeat(count, count)
     start, step = np.repeat(ends[:, 0], count, axis=0), np.repeat((ends[:, 1] - ends[:, 0]), count, axis=0)
     pieces = np.stack((start + part[:, None] * step, start + (part + np.repeat(1 / count, count))[:, None] * step), 1)
     is_in = region(pieces)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...common.arrays import Array, BoolArray, IntArray, freeze, unit
+from ...common.arrays import Array, BoolArray, IntArray, freeze, ranges, unit
 from .triangle_mesh import TriangleMesh
 
 # [1] directions in which the buffers look, half of them; each buffer is looked at from both ends. More: narrower
@@ -70,9 +71,8 @@ def visibility(mesh: TriangleMesh) -> Visibility:
     -------
     Visibility
     """
-    distance = point_distance(mesh)
-    points, face, areas = sample_faces(mesh, distance)
-    open_sides = openness(points, points, mesh.face_normals[face], distance)
+    points, face, areas = sample_faces(mesh, point_distance(mesh))
+    open_sides = depth_buffers(mesh).openness(points, mesh.face_normals[face])
     with_winding, against = (np.bincount(face, areas * side, len(mesh.faces)) for side in open_sides)
     inward = with_winding < OTHER_SIDE_RATIO * against
     visible = np.where(inward[face], open_sides[1], open_sides[0]) > MIN_OPENNESS
@@ -119,65 +119,98 @@ def openness_at(mesh: TriangleMesh, points: Array, normals: Array) -> Array:
     array, shape (k,)
         No unit.
     """
-    distance = point_distance(mesh)
-    hiding = sample_faces(mesh, distance)[0]
-    return openness(hiding, np.asarray(points, float), np.asarray(normals, float), distance)[0]
+    return depth_buffers(mesh).openness(np.asarray(points, float), np.asarray(normals, float))[0]
 
 
-def openness(hiding: Array, points: Array, normals: Array, distance: float) -> Array:
-    r"""Return how open the space above points is, on the side of their normals and on the other side.
+@dataclass(frozen=True, eq=False)
+class DepthBuffers:
+    """The foremost of the points that hide others, for each pixel of buffers in directions all around them."""
 
-    This is :math:`\frac{4}{m} \sum_i \cos\alpha_i` over the directions that see the point, of m directions, with
-    the angle :math:`\alpha_i` to the normal: 1 for a free point, 0 for a hidden one (ambient occlusion; Zhukov et al.,
-    An ambient light illumination model, 1998).
+    hiding: Array  # (3, n) coordinates of the points from ``middle`` [m]
+    middle: Array  # (3, 1) [m]
+    radius: float  # half of the width of the buffers [m]
+    pixel: float  # side of a pixel [m]
+    width: int  # [pixels]
+    fronts: NDArray[np.int32]  # (AXES, 2, width * width) number of the foremost point from both ends; -1: none
 
-    Parameters
-    ----------
-    hiding : array, shape (n, 3)
-        Points of the faces that hide others [m].
-    points : array, shape (k, 3)
-        [m]
-    normals : array, shape (k, 3)
-        Unit normals.
-    distance : float
-        Largest distance of adjacent points of ``hiding`` [m].
+    @classmethod
+    def of(cls, points: Array, distance: float) -> "DepthBuffers":
+        """Fill the buffers.
 
-    Returns
-    -------
-    array, shape (2, k)
-        No unit.
-    """
-    middle, pixel = hiding.mean(axis=0)[:, None], PIXEL_SIDE * distance
-    # Coordinates one after the other: faster, and rounded in the same manner on all machines.
-    hiding, points = (np.subtract(positions.T, middle, order="C") for positions in (hiding, points))
-    normals = np.ascontiguousarray(normals.T)
-    radius = pixel + np.sqrt(_dot(hiding, hiding).max())  # so that the pixels at the border are empty
-    width, number = int(2 * radius / pixel) + 1, np.arange(hiding.shape[1])
-    heights, sums = _dot(points, normals), np.zeros((2, points.shape[1]))
+        Parameters
+        ----------
+        points : array, shape (n, 3)
+            Points of the faces that hide others [m].
+        distance : float
+            Largest distance of adjacent points [m].
 
-    def pixels(right: Array, up: Array, positions: Array) -> IntArray:
+        Returns
+        -------
+        DepthBuffers
+        """
+        middle, pixel = points.mean(axis=0)[:, None], PIXEL_SIDE * distance
+        # Coordinates one after the other: faster, and rounded in the same manner on all machines.
+        hiding = np.subtract(points.T, middle, order="C")
+        radius = pixel + float(np.sqrt(_dot(hiding, hiding).max()))  # so that the pixels at the border are empty
+        width, number = int(2 * radius / pixel) + 1, np.arange(len(points))
+        buffers = cls(hiding, middle, radius, pixel, width, np.empty((AXES, 2, width * width), np.int32))
+        for (right, up, viewer), fronts in zip(view_frames(), buffers.fronts):
+            # Depth and number of a point in one integer: the least and the largest of a pixel are its ends.
+            key = (((_dot(hiding, viewer) + radius) * (2**31 / (2 * radius))).astype(np.int64) << 32) | number
+            at = buffers._pixels(right, up, hiding)
+            highest, lowest = np.full(width * width, -1, np.int64), np.full(width * width, 2**63 - 1)
+            np.maximum.at(highest, at, key)
+            np.minimum.at(lowest, at, key)
+            fronts[0] = np.where(highest < 0, -1, highest & (2**32 - 1))
+            fronts[1] = np.where(lowest == 2**63 - 1, -1, lowest & (2**32 - 1))
+        return buffers
+
+    def openness(self, points: Array, normals: Array) -> Array:
+        r"""Return how open the space above points is, on the side of their normals and on the other side.
+
+        This is :math:`\frac{4}{m} \sum_i \cos\alpha_i` over the directions that see the point, of m directions, with
+        the angle :math:`\alpha_i` to the normal: 1 for a free point, 0 for a hidden one (ambient occlusion; Zhukov et
+        al., An ambient light illumination model, 1998).
+
+        Parameters
+        ----------
+        points : array, shape (k, 3)
+            [m]
+        normals : array, shape (k, 3)
+            Unit normals.
+
+        Returns
+        -------
+        array, shape (2, k)
+            No unit.
+        """
+        points, normals = np.subtract(points.T, self.middle, order="C"), np.ascontiguousarray(normals.T)
+        heights, sums = _dot(points, normals), np.zeros((2, points.shape[1]))
+        for (right, up, viewer), fronts in zip(view_frames(), self.fronts):
+            here, cosines = self._pixels(right, up, points), _dot(normals, viewer)
+            for front, sign in zip(fronts, (1, -1)):
+                found, facing = front[here], sign * cosines
+                above = sum(h.take(found) * n for h, n in zip(self.hiding, normals)) - heights
+                is_free = (found < 0) | (above * np.sign(facing) < HIDING_HEIGHT)
+                facing *= (np.abs(facing) > MIN_VIEW_COSINE) & is_free
+                sums[0] += np.maximum(facing, 0)
+                sums[1] -= np.minimum(facing, 0)
+        return 2 / AXES * sums
+
+    def _pixels(self, right: Array, up: Array, positions: Array) -> IntArray:
+        """Return the pixel of positions (3, k) from the middle, shape (k,)."""
         column, row = (
-            np.clip((_dot(positions, axis) + radius) / pixel, 0, width - 1).astype(np.int64) for axis in (right, up)
+            np.clip((_dot(positions, axis) + self.radius) / self.pixel, 0, self.width - 1).astype(np.int64)
+            for axis in (right, up)
         )
-        return column * width + row
+        return column * self.width + row
 
-    for right, up, viewer in view_frames():
-        # Depth and number of a point in one integer: the least and the largest of a pixel are its ends.
-        key = (((_dot(hiding, viewer) + radius) * (2**31 / (2 * radius))).astype(np.int64) << 32) | number
-        at, here, cosines = pixels(right, up, hiding), pixels(right, up, points), _dot(normals, viewer)
-        for sign, foremost, behind in ((1, np.maximum, -1), (-1, np.minimum, 2**63 - 1)):
-            buffer = np.full(width * width, behind, np.int64)
-            foremost.at(buffer, at, key)
-            found = buffer[here]
-            empty = found == behind
-            front = np.where(empty, 0, found & (2**32 - 1))
-            facing = sign * cosines
-            above = sum(h.take(front) * n for h, n in zip(hiding, normals)) - heights
-            visible = (np.abs(facing) > MIN_VIEW_COSINE) & (empty | (above * np.sign(facing) < HIDING_HEIGHT))
-            facing *= visible
-            sums[0] += np.maximum(facing, 0)
-            sums[1] -= np.minimum(facing, 0)
-    return 2 / AXES * sums
+
+@lru_cache(maxsize=1)  # one link after the other
+def depth_buffers(mesh: TriangleMesh) -> DepthBuffers:
+    """Return the depth buffers of points on the faces of a mesh [m], all shells, closed or not."""
+    distance = point_distance(mesh)
+    return DepthBuffers.of(sample_faces(mesh, distance)[0], distance)
 
 
 def _dot(a: Array, b: Array) -> Array:
@@ -239,12 +272,12 @@ def sample_faces(mesh: TriangleMesh, distance: float) -> tuple[Array, IntArray, 
     height = 2 * mesh.face_areas / length
     columns = np.maximum(np.ceil(length / distance).astype(np.int64), 1)
     of = np.repeat(f, columns)  # face of each column
-    x = (_counted(columns) + 0.5) / columns[of]
+    x = (ranges(0, columns) + 0.5) / columns[of]
     # Height of the triangle over the middle of the column, as a fraction of its largest height.
     top = np.minimum(x / np.maximum(foot[of], x), (1 - x) / np.maximum(1 - foot[of], 1 - x))
     rows = np.maximum(np.ceil(top * height[of] / distance).astype(np.int64), 1)
     column = np.repeat(np.arange(len(of)), rows)
-    y = (_counted(rows) + 0.5) / rows[column] * top[column]
+    y = (ranges(0, rows) + 0.5) / rows[column] * top[column]
     face = of[column]
     of_b = x[column] - y * foot[face]
     points = np.column_stack(
@@ -252,8 +285,3 @@ def sample_faces(mesh: TriangleMesh, distance: float) -> tuple[Array, IntArray, 
     )
     weights = (top / rows)[column]
     return points, face, weights * (mesh.face_areas / np.bincount(face, weights, len(f)))[face]
-
-
-def _counted(counts: IntArray) -> IntArray:
-    """Return 0 ... n-1 for each number n, one after the other."""
-    return np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)

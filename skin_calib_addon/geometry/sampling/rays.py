@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, IntArray
+from ...common.arrays import Array, BoolArray, IntArray, ranges
 from .curves import curves, fold_distances, outer_curve
 
 TURN = 2 * np.pi
@@ -270,7 +270,7 @@ class RayCaster:
             first = np.searchsorted(key, np.maximum(begin - turn, low))
             count = np.maximum(np.searchsorted(key, np.minimum(stop - turn, high)) - first, 0)
             which = np.repeat(np.arange(len(index)), count)
-            pairs.append((rays[np.arange(len(which)) + np.repeat(first - np.cumsum(count) + count, count)], which))
+            pairs.append((rays[ranges(first, count)], which))
         ray, which = (np.concatenate(parts) for parts in zip(*pairs))
         return ray, self.order[index][which]
 

@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, IntArray, along, locked, unit
+from ...common.arrays import Array, BoolArray, IntArray, along, locked, ranges, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from .planes import Planes
 
@@ -174,7 +174,7 @@ class _Stack:
         for faces, start, stop, extent in self.classes:
             first, last = np.searchsorted(start, low - extent), np.searchsorted(start, high, side="right")
             count = np.maximum(last - first, 0)
-            index = np.arange(count.sum()) + np.repeat(first - np.cumsum(count) + count, count)
+            index = ranges(first, count)
             is_near[faces[index[stop[index] >= np.repeat(low, count)]]] = True
         return np.flatnonzero(is_near)
 
@@ -199,7 +199,7 @@ def _cut_parallel(mesh: TriangleMesh | _Part, height: Array, slack: float, plane
     cut = np.flatnonzero(count)
     count, first = count[cut].astype(np.int64), first[cut].astype(np.int64)
     part = np.repeat(np.arange(len(cut)), count)
-    level_index = np.arange(len(part)) + np.repeat(first - np.cumsum(count) + count, count)
+    level_index = ranges(first, count)
     is_above = [rank[cut][part] > level_index for rank in (a, b, c)]
     above = is_above[0] + 2 * is_above[1] + 4 * is_above[2]
     face = cut[part]
@@ -298,8 +298,7 @@ def _rims_of_ranks(
     level_index, face, on = level_index[rim], face[rim], on[rim]
     equal = np.searchsorted(level, level[level_index], side="right") - level_index  # planes at this height
     part = np.repeat(np.arange(len(face)), equal)
-    copy = np.arange(len(part)) - np.repeat(np.cumsum(equal) - equal, equal)
-    return level_index[part] + copy, face[part], on[part]
+    return ranges(level_index, equal), face[part], on[part]
 
 
 def _are_rims(

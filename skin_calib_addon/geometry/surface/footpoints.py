@@ -18,7 +18,7 @@ from math import comb
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...common.arrays import Array, BoolArray, IntArray
+from ...common.arrays import Array, BoolArray, IntArray, ranges
 from ..mesh.closest import closest_on_triangles
 from .bspline import BSplineSurface
 
@@ -201,7 +201,7 @@ def _cell_ends(
         count = np.ceil(np.maximum(sides[axis] / size, np.sqrt(bend[axis] / (MAX_CELL_DEVIATION * size)))).astype(int)
         count = np.clip(count, 1, MAX_CELLS_PER_SPAN)
         span.append(np.repeat(np.arange(len(count)), count))
-        within = np.arange(len(span[axis])) - np.repeat(np.cumsum(count) - count, count)
+        within = ranges(0, count)
         s = surface.spans[axis]
         ends.append(
             np.append(s.starts[span[axis]] + s.lengths[span[axis]] * within / count[span[axis]], knots[axis][-1])

@@ -9,8 +9,9 @@ import trimesh
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, read_mesh, weld
 from skin_calib_addon.geometry.mesh.visibility import (
     MAX_POINTS,
+    DepthBuffers,
     are_seen,
-    openness,
+    depth_buffers,
     point_distance,
     sample_faces,
     visibility,
@@ -82,8 +83,7 @@ def test_openness_of_the_bottom_of_a_cup_is_its_view_factor(depth):
     """From the middle of its bottom to its opening: r^2 / (r^2 + h^2)."""
     radius = 0.03
     mesh = cup(radius, depth, 0.005)
-    distance = point_distance(mesh)
-    up = openness(sample_faces(mesh, distance)[0], np.zeros((1, 3)), np.array([[0, 0, 1.0]]), distance)
+    up = depth_buffers(mesh).openness(np.zeros((1, 3)), np.array([[0, 0, 1.0]]))
     assert up[0, 0] == pytest.approx(radius**2 / (radius**2 + depth**2), abs=0.06)
     assert up[1, 0] == 0  # below is the wall
 
@@ -136,7 +136,7 @@ def test_points_up_to_a_tenth_of_a_millimetre_above_a_face_do_not_hide_it():
     up = np.array([(0, 0, 1.0)])
     for height, is_open in ((0.7e-4, True), (1.5e-4, False)):
         hiding = np.stack((x, y, 0 * x + height), axis=-1).reshape(-1, 3)
-        assert (openness(hiding, 0 * up, up, 1e-3)[0] > 0.5) == is_open
+        assert (DepthBuffers.of(hiding, 1e-3).openness(0 * up, up)[0] > 0.5) == is_open
 
 
 def test_a_floor_below_a_roof_is_seen_up_to_two_and_a_half_heights_from_the_edge():
