@@ -4,7 +4,7 @@
 import bpy
 from mathutils import Vector
 
-from ..skin_calib_addon.blender.live.advice import REFUSAL, warning_at
+from ..skin_calib_addon.blender.live.advice import REFUSAL, hidden_surface, offered, warning_at
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.overlay.layers import place_of
 from ..skin_calib_addon.blender.scene import link_meshes, link_objects
@@ -47,6 +47,31 @@ class SKIN_OT_show_warning(OnLink, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class SKIN_OT_take_advice(OnLink, bpy.types.Operator):
+    """Show the surface of this warning in the panels, and do there what it advises"""
+
+    bl_idname = "skin_calib.take_advice"
+    bl_label = "Do What It Advises"
+    bl_options = {"REGISTER", "UNDO"}
+
+    index: bpy.props.IntProperty(
+        name="Index", description="Which warning, from 0; -1: the refusal", **INDEX | {"min": REFUSAL}
+    )
+
+    def execute(self, context):
+        plan, warning = context.object.skin_calib, warning_at(context.object, self.index)
+        offers = list(offered(warning, plan, metres_per_unit(context.scene))) if warning else []
+        if not offers:
+            self.report({"WARNING"}, "No button does what this warning advises")
+            return {"CANCELLED"}
+        (action, properties), surface = offers[0], hidden_surface(warning, plan)
+        if surface is not None:
+            bpy.ops.skin_calib.surface_show(index=surface)
+        module, name = action.operator.split(".")
+        getattr(getattr(bpy.ops, module), name)(**properties)
+        return {"FINISHED"}
+
+
 class SKIN_OT_margin_widen(OnLink, bpy.types.Operator):
     """Leave more of both ends of the link free"""
 
@@ -63,4 +88,4 @@ class SKIN_OT_margin_widen(OnLink, bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (SKIN_OT_show_warning, SKIN_OT_margin_widen)
+CLASSES = (SKIN_OT_show_warning, SKIN_OT_take_advice, SKIN_OT_margin_widen)

@@ -2,6 +2,7 @@
 """Hexagonal boards chosen by hand."""
 
 import bpy
+import numpy as np
 
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.overlay import drawing
@@ -28,10 +29,22 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
     repeats = True
 
     def check(self, context):
-        if self.at_mouse:  # a tool has no skin; it works on the first one with boards
-            kinds = [skin.kind for skin in context.object.skin_calib.skins]
-            self.skin = kinds.index("hexagons") if "hexagons" in kinds else 0
+        if self.at_mouse:  # a tool has no skin before the click
+            self.skin = next(iter(self.with_boards(context)), 0)
         self.boards(context)
+
+    def with_boards(self, context):
+        """Return the indices of the skins with boards."""
+        return [i for i, skin in enumerate(context.object.skin_calib.skins) if skin.kind == "hexagons"]
+
+    def nearest(self, context):
+        """Return the skin whose board is the nearest to the point."""
+        point, found = np.array(vector(self.point, metres_per_unit(context.scene))), {}
+        for i in self.with_boards(context):
+            self.skin = i
+            boards = self.boards(context)[1].positions_link
+            found[i] = np.linalg.norm(boards - point, axis=1).min(initial=np.inf)
+        return min(found, key=found.get)
 
     def begin(self, context):
         updates.accompany(context.object)
@@ -58,6 +71,8 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
         return skin, patches[self.skin].taxels
 
     def edit(self, context, plan):
+        if self.at_mouse:
+            self.skin = self.nearest(context)
         skin, taxels = self.boards(context)
         metre = metres_per_unit(context.scene)
         boards = skins.read_skin(skin, metre)

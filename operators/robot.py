@@ -104,6 +104,7 @@ class Propose(OverLinks):
         plans.check_numbers(plan, metres_per_unit(context.scene))
         plans.write_plan(link, context.scene, plan)
         settings.proposed, settings.refusal = proposal.taxels, ""
+        settings.proposed_area = f"{proposal.cells * 1e4:.0f} of {proposal.free * 1e4:.0f} cm^2"
         settings.result.key = ""  # a fit of an earlier plan is not drawn
         updates.forget(link.name)
 

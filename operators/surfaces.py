@@ -35,6 +35,13 @@ class SKIN_OT_surface_show(OnSurfaces, bpy.types.Operator):
             raise InvalidPlan(f"The plan has no surface {self.index}. It has {len(surfaces)}.")
         return surfaces, self.index
 
+    def execute(self, context):
+        plan = context.object.skin_calib
+        before = plan.result.outdated, plan.diagnosis.outdated
+        done = super().execute(context)
+        plan.result.outdated, plan.diagnosis.outdated = before  # the plan is the same
+        return done
+
 
 class SKIN_OT_surface_add(OnSurfaces, bpy.types.Operator):
     """Add a surface, with the cuts and planes of the one that is shown, for another side of the link"""

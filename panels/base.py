@@ -63,7 +63,8 @@ class Step:
         if figure:
             row = header.row()
             row.alignment = "RIGHT"
-            row.label(text="" if is_narrow() else figure, icon="CHECKMARK" if self.is_done(plan) else "NONE")
+            icon = "NONE" if not self.is_done(plan) else "ERROR" if self.has_warnings(plan) else "CHECKMARK"
+            row.label(text="" if is_narrow() else figure, icon=icon)
         if body:
             self.draw_plan(body, plan)
 
@@ -72,8 +73,12 @@ class Step:
         return plan.steps
 
     def is_done(self, plan):
-        """Return whether the closed step has a tick: once the link is fitted as it is."""
+        """Return whether the closed step has a tick or a warning sign: once the link is fitted as it is."""
         return bool(plan.result.key) and not plan.result.outdated
+
+    def has_warnings(self, plan):
+        """Return whether there are warnings about what the step does."""
+        return False
 
     def figure(self, plan):
         """Return the key figure of the closed step; empty where there is none yet."""
@@ -82,6 +87,11 @@ class Step:
     def draw_plan(self, layout, plan):
         """Draw what it contains."""
         raise NotImplementedError
+
+
+def serious_of(warnings):
+    """Return how many of some warnings are more than notes."""
+    return sum(warning.severity != "note" for warning in warnings)
 
 
 def more(layout, plan, name):

@@ -41,6 +41,8 @@ class CutStep(Step):
     name = "cut"
 
     def figure(self, plan):
+        if len(surface_names(plan)) > 1:
+            return counted(len(surface_names(plan)), "surface")
         cuts = len(plan.cover.cuts)
         shell = plan.cover.bl_rna.properties["shell"].enum_items[plan.cover.shell].name
         return f"{shell}, {counted(cuts, 'cut')}" if cuts else shell

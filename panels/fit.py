@@ -5,7 +5,7 @@ import bpy
 
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
-from .base import Step, button, field, show_text
+from .base import Step, button, field, serious_of, show_text
 
 
 class FitStep(Step):
@@ -15,6 +15,9 @@ class FitStep(Step):
     def figure(self, plan):
         mean = plan.result.mean * metres_per_unit(bpy.context.scene)
         return f"{mean * 1e3:.4f} mm" if plan.result.key else ""
+
+    def has_warnings(self, plan):
+        return serious_of(warning for warning in plan.result.warnings if not warning.skin) > 0
 
     def draw_plan(self, layout, plan):
         result = plan.result

@@ -3,7 +3,8 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.scene.plans import record_of
+from ..skin_calib_addon.blender.scene.plans import record_of, surface_names
+from ..skin_calib_addon.common.errors import counted
 from .base import Step, button, buttons, draw_plane, field, more, show_text, what_is_wrong
 from .rows import draw_keys, draw_value, keys_in
 
@@ -23,6 +24,8 @@ class GridStep(Step):
     name = "grid"
 
     def figure(self, plan):
+        if len(surface_names(plan)) > 1:
+            return counted(len(surface_names(plan)), "surface")
         return plan.grid.bl_rna.properties["kind"].enum_items[plan.grid.kind].name
 
     def draw_plan(self, layout, plan):

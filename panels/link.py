@@ -4,11 +4,11 @@
 import bpy
 
 from ..skin_calib_addon.blender.live import diagnoses
-from ..skin_calib_addon.blender.scene.link_objects import longest_side, namesakes
+from ..skin_calib_addon.blender.scene.link_objects import longest_side
 from ..skin_calib_addon.blender.scene.preferences import preferences
 from ..skin_calib_addon.common.errors import counted
 from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, likely_mistake
-from .base import Step, button, buttons, field, show_text, show_warning
+from .base import Step, button, buttons, field, serious_of, show_text, show_warning
 from .robot import listed
 from .rows import draw_keys, keys_in
 
@@ -25,17 +25,8 @@ class LinkStep(Step):
         field(layout, plan, "mesh_file")
         if len(listed()) == 1:  # for several links, the step Robot has it
             field(layout, bpy.context.scene.skin_calib, "skin", placeholder=preferences().skin)
-        self.draw_namesakes(layout)
         self.draw_unit(layout)
         draw_imports(layout)
-
-    def draw_namesakes(self, layout):
-        """Draw a warning about another object with the same link name, as a copy has."""
-        context = bpy.context
-        others = namesakes(context.object, context.scene)
-        if others:
-            text = f"{others[0]} has the same link name, so their files have the same names. Rename one."
-            show_text(layout.box(), text, "ERROR")
 
     def draw_unit(self, layout):
         """Draw a warning about a size that links do not have, and the button that corrects it."""
@@ -67,8 +58,16 @@ class MeshStep(Step):
     name = "mesh"
 
     def figure(self, plan):
-        serious = sum(finding.severity != "note" for finding in plan.diagnosis.findings)
-        return counted(serious, "warning") if serious else "checked" if plan.diagnosis.key else ""
+        if not plan.diagnosis.key or plan.diagnosis.outdated:
+            return ""
+        serious = serious_of(plan.diagnosis.findings)
+        return counted(serious, "warning") if serious else "checked"
+
+    def is_done(self, plan):
+        return True
+
+    def has_warnings(self, plan):
+        return serious_of(plan.diagnosis.findings) > 0
 
     def draw_plan(self, layout, plan):
         found = plan.diagnosis

@@ -95,6 +95,9 @@ class ReasonsStep(Step):
         if plan.proposed:
             super().draw(layout, plan)
 
+    def figure(self, plan):
+        return plan.proposed_area
+
     def draw_plan(self, layout, plan):
         for reason in json.loads(plan.extra or "{}").get("x_proposal", ()):
             show_text(layout, str(reason), "DOT")

@@ -5,8 +5,9 @@ from functools import partial
 
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene.plans import surface_names
+from ..skin_calib_addon.common.errors import counted
 from ..skin_calib_addon.plan.keys import SKINS_OF
-from .base import ICON_WIDTH, Step, button, buttons, field, more, show_text
+from .base import ICON_WIDTH, Step, button, buttons, field, more, serious_of, show_text
 from .rows import draw_keys, draw_value
 
 # Keys of a skin that most skins leave as they are.
@@ -18,18 +19,25 @@ class SkinStep(Step):
     name = "skin"
 
     def figure(self, plan):
-        return f"{plan.result.taxels} taxels" if plan.result.taxels else ""
+        return counted(plan.result.taxels, "taxel") if plan.result.taxels else ""
+
+    def has_warnings(self, plan):
+        return serious_of(warning for warning in plan.result.warnings if warning.skin) > 0
 
     def draw_plan(self, layout, plan):
         if not plan.skins:
             show_text(layout, "Add a sheet, boards, or taxels of a file", "INFO")
         for i, skin in enumerate(plan.skins):
             box = layout.box()
-            row = box.row()
+            row = box.row(align=True)
+            if len(plan.skins) > 1:
+                row.prop(skin, "opened", text="", icon="DOWNARROW_HLT" if skin.opened else "RIGHTARROW", emboss=False)
             row.prop(skin, "name", text="")
             if skin.kind != "imported":
                 row.operator("skin_calib.preset_save", text="", icon="PRESET_NEW").skin = i
             row.operator("skin_calib.skin_remove", text="", icon="X").index = i
+            if len(plan.skins) > 1 and not skin.opened:
+                continue
             field(box, skin, "kind")
             keys = [key for key in SKINS_OF[skin.kind].keys if key.name != "name"]
             draw_keys(box, skin, [key for key in keys if key.name not in RARE], self.own(i))

@@ -4,9 +4,11 @@
 import bpy
 
 from ..skin_calib_addon.blender.live import updates
-from ..skin_calib_addon.blender.live.advice import REFUSAL, offered
+from ..skin_calib_addon.blender.live.advice import REFUSAL, hidden_surface, offered
+from ..skin_calib_addon.blender.scene.link_objects import namesakes
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import read_warning
+from ..skin_calib_addon.common.errors import counted
 from .base import POPOVER_UNITS, buttons, show_text, show_warning
 
 MAX_ROWS = 4  # of the list of warnings. Larger: the panels below move down
@@ -21,20 +23,27 @@ def state_of(link):
     result = plan.result
     if not plan.link:
         return "Enter the name of the link", "INFO"
+    if same_name(link):
+        return f"{same_name(link)} has the same link name", "ERROR"
     if report and report.refusal:
         return "The fit is refused", "CANCEL"
     if report:
         return f"Preview: mean {report.mean * 1e3:.4f} mm on the rays, {report.seconds * 1e3:.0f} ms", "PLAY"
     if not result.key and plan.proposed and plan.skins:
-        return f"{plan.proposed} taxels proposed: press Fit", "INFO"
+        return f"{counted(plan.proposed, 'taxel')} on {plan.proposed_area} proposed: press Fit", "INFO"
     if not result.key:
-        return "Not fitted yet", "INFO"
+        return "Not fitted: press Propose or Fit", "INFO"
     if result.outdated:
         return "The plan has changed: fit again", "INFO"
     mean = result.mean * metres_per_unit(bpy.context.scene) * 1e3
-    taxels = f"{result.taxels} taxels" if result.taxels else "add a skin"
+    taxels = counted(result.taxels, "taxel") if result.taxels else "add a skin"
     worst = result.warnings[0].severity if result.warnings else ""
     return f"Mean {mean:.4f} mm, {taxels}", ICONS[worst] if worst in ("error", "warning") else "CHECKMARK"
+
+
+def same_name(link):
+    """Return another object with the same link name, as a copy has; empty without one."""
+    return next(iter(namesakes(link, bpy.context.scene)), "")
 
 
 class SKIN_UL_warnings(bpy.types.UIList):
@@ -51,6 +60,8 @@ def draw_status(layout, link):
     if link is None or link.type != "MESH":
         return
     plan = link.skin_calib
+    if same_name(link):
+        show_text(layout, "Their files would have the same names. Rename one of both in Link.", "BLANK1")
     row = buttons(layout)
     row.operator("skin_calib.propose", icon="OUTLINER_DATA_LATTICE")
     row.operator("skin_calib.fit", icon="SURFACE_DATA")
@@ -62,6 +73,8 @@ def draw_status(layout, link):
         show_text(layout, f"{surface}{cells}Errors and warnings follow when the changes end", "SORTTIME")
     if report and report.refusal:
         draw_warning(layout, plan, report.refusal, REFUSAL)
+        if not plan.proposed and not report.refusal.where.skin:
+            show_text(layout, "Or press Propose, which finds surfaces that can be fitted.", "INFO")
     elif plan.refusal and not plan.skins:
         show_text(layout, plan.refusal, "CANCEL")
     elif result.key and result.warnings:
@@ -85,6 +98,9 @@ def draw_warning(layout, plan, warning, index):
         show.index = index
     metre = metres_per_unit(bpy.context.scene)
     for action, properties in list(offered(warning, plan, metre))[:1]:
+        if hidden_surface(warning, plan) is not None:
+            row.operator("skin_calib.take_advice", text=action.text).index = index
+            continue
         button = row.operator(action.operator, text=action.text)
         for name, value in properties.items():
             setattr(button, name, value)

@@ -20,6 +20,7 @@ class Place:
     names: str = ""  # planes, lines or rows near the point, by the names in the window
     skin: str = ""  # name of the skin
     taxels: tuple[str, ...] = ()  # ids, the most affected one first
+    surface: str = ""  # its name, if the link has several; files have it in the message
 
     @property
     def words(self) -> str:

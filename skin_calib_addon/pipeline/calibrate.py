@@ -230,11 +230,8 @@ def warnings_of(fits: Mapping[str, SurfaceFit], placed: tuple[PlacedSkin, ...]) 
     surfaces: dict[Warning, list[str]] = {}
     for name, fit in fits.items():
         for warning in fit.warnings:
-            surfaces.setdefault(warning, []).append(repr(name))
-    found = [
-        warning if len(fits) == 1 else replace(warning, message=f"{_naming(names)}: {warning.message}")
-        for warning, names in surfaces.items()
-    ]
+            surfaces.setdefault(warning, []).append(name)
+    found = [warning if len(fits) == 1 else _naming(names, warning) for warning, names in surfaces.items()]
     for skin in placed:
         fit = fits[skin.patch.surface]
         found += (*_over_holes(skin.patch, fit), *skin.warnings, *unknown_sigma(skin.patch, fit))
@@ -242,9 +239,10 @@ def warnings_of(fits: Mapping[str, SurfaceFit], placed: tuple[PlacedSkin, ...]) 
     return tuple(found)
 
 
-def _naming(names: list[str]) -> str:
-    """Return the names of one or more surfaces for the start of a message."""
-    return f"surface{'s' * (len(names) > 1)} {listed(names)}"
+def _naming(names: list[str], warning: Warning) -> Warning:
+    """Return a warning about one or more surfaces with their names at the start of its message."""
+    message = f"surface{'s' * (len(names) > 1)} {listed([repr(name) for name in names])}: {warning.message}"
+    return replace(warning, message=message, where=replace(warning.where, surface=names[0]))
 
 
 def _over_holes(patch: Patch, fit: SurfaceFit) -> tuple[Warning, ...]:

@@ -58,6 +58,7 @@ def naming_surface(plan: Plan, name: str) -> Iterator[None]:
     except SkinCalibError as error:
         if len(plan.surfaces) > 1:
             error.args = (f"surface {name!r}: {error}",)
+            error.numbers["surface"] = name
         raise
 
 

@@ -22,7 +22,7 @@ from .candidates import DECIMALS
 from .trial import site_steps
 
 FORMS = 'Write "hexagons:16.3mm" (length of a side), "sheet:6x22x10mm" (rows, columns, pitch), or the name of a file.'
-DEFAULT_SKIN = "hexagons"
+DEFAULT_SKIN = "hexagons:8mm"  # on eight real links these cover twice the area that boards of TUM cover
 # [1] ratio of the sizes of a sheet that are tried one after the other, until one lies without folds.
 SMALLER = 0.75
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from tests.blender.conftest import BOARDS, ROOT
+from tests.blender.conftest import BOARDS, PLAN, ROOT
 
 
 @pytest.fixture
@@ -65,6 +65,21 @@ def test_click_next_to_the_boards_adds_one(bpy, addon, boards):
     assert bpy.context.object.skin_calib.skins[0].cells.split() == [f"{q},{alone[1]}" for q in (alone[0], alone[0] + 1)]
     bpy.ops.ed.undo()
     assert len(bpy.context.object.skin_calib.skins[0].cells.split()) == 1
+
+
+def test_tool_works_on_the_skin_under_the_mouse(bpy, addon, plan_file):
+    """Of two skins with boards, a click on a board of the second one removes that board."""
+    two = {"cells": [[0, 0], [1, 0]], "origin": [-0.0365, 0.01, 0.06], "direction": [0, 0, 1]}
+    side = BOARDS | two | {"name": "second"}
+    first = side | {"name": "first", "origin": [0.04, 0.01, 0.06]}
+    sheet = PLAN["skins"][0]
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[sheet, first, side])))
+    bpy.ops.skin_calib.fit()
+    link = bpy.context.object
+    for patch in addon.drawing.patches_of(link)[:0:-1]:
+        bpy.ops.skin_calib.boards_paint(at_mouse=True, point=patch.taxels.positions_link[1])
+    cells = {skin.name: skin.cells for skin in link.skin_calib.skins if skin.kind == "hexagons"}
+    assert cells == {"first": "0,0", "second": "0,0"}
 
 
 def test_painting_without_boards_is_refused(bpy, boards, link):

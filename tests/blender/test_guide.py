@@ -108,7 +108,10 @@ def test_any_link_gets_a_proposal_that_fits(bpy):
     link.skin_calib.mesh_file = "robot.urdf"  # as after the import of a link of several meshes
     assert bpy.ops.skin_calib.propose() == {"FINISHED"}
     plan = link.skin_calib
+    cells, free = (int(word) for word in plan.proposed_area.split() if word.isdigit())
+    assert 0 < cells < free < 400
     assert plan.mesh_file == "robot.urdf" and plan.skins and plan.proposed > 0
-    assert draw(bpy, "status")[0] == f"{plan.proposed} taxels proposed: press Fit"
+    shown = " ".join(draw(bpy, "status")[:2])
+    assert shown == f"{plan.proposed} taxels on {plan.proposed_area} proposed: press Fit"
     assert bpy.ops.skin_calib.fit() == {"FINISHED"}
     assert plan.result.mean < 5e-4 and plan.result.taxels == plan.proposed

@@ -8,7 +8,7 @@ OPERATORS = (
     *("scale_to_unit", "diagnose", "show_defects", "cut_add", "cut_remove"),
     *("planes_place", "plane_add", "plane_remove", "planes_spread", "planes_mirror", "axis_from_sections"),
     *("fit", "show_worst", "skin_add", "skin_remove", "landmark_add", "landmark_remove", "zone_add", "zone_remove"),
-    *("boards_paint", "place", "place_at_cursor", "taxel", "compare", "compare_end"),
+    *("boards_paint", "place", "place_at_cursor", "take_advice", "taxel", "compare", "compare_end"),
     *("touches", "touches_move", "touches_end"),
     *("taxel_toggle", "taxel_channel", "single_taxel_remove"),
     *("cut_place", "cut_flip", "cut_away", "bring_back", "skin_import", "frame_find"),
@@ -207,7 +207,12 @@ def test_panel_shows_existing_properties(bpy, link, kind):
     assert shown["skin"][:5] == ["name", "Save Skin as Preset", "Remove Skin", "kind", "rows"]
     assert (shown["grid"].count("normal") == 2) == (kind == "planes")
     assert ("tolerance" in shown["grid"]) == (kind == "auto")
-    assert shown["fit"] == ["Press Fit above"] and shown["status"] == ["Not fitted yet", "Propose", "Fit", "live"]
+    assert shown["fit"] == ["Press Fit above"] and shown["status"] == [
+        "Not fitted: press Propose or Fit",
+        "Propose",
+        "Fit",
+        "live",
+    ]
     assert "Fit the link to see its skin" in shown["inspect"]
 
 
@@ -223,7 +228,13 @@ IMPORTED = {"auto_registration", "file", "format", "only", "framed", "rotation",
 def test_panel_shows_what_applies_to_the_kind(bpy, link, kind, own):
     """Each option of a skin has a field, and those of other kinds have none."""
     skin = link.skin_calib.skins[0]
-    names = {p.identifier for p in skin.bl_rna.properties} - {"rna_type", "landmarks", "excluded", "cells_wrong"}
+    names = {p.identifier for p in skin.bl_rna.properties} - {
+        "rna_type",
+        "landmarks",
+        "excluded",
+        "cells_wrong",
+        "opened",
+    }
     names -= {"taxels"}  # a list
     names -= {"surface"} | {name for name in names if name.endswith("_mm")}  # buttons with names; shown lengths
     assert names == EVERY_SKIN | SHEETS | BOARDS | IMPORTED
@@ -242,6 +253,7 @@ def test_panel_shows_what_applies_to_the_kind(bpy, link, kind, own):
 def test_panel_lists_landmarks_and_zones(bpy, link):
     """Each has its fields and buttons; landmarks hide the origin that they replace."""
     bpy.ops.skin_calib.skin_add(kind="hexagons")
+    link.skin_calib.skins[0].opened = True
     bpy.ops.skin_calib.landmark_add(skin=0)
     bpy.ops.skin_calib.zone_add(skin=1)
     shown = draw(bpy, "skin")

@@ -1,6 +1,7 @@
 """The status of a link: what is missing, why a fit is refused, the worst warning, and the button that mends it."""
 
 import re
+import sys
 
 import pytest
 from numpy.testing import assert_allclose
@@ -63,7 +64,7 @@ def test_refused_fit_leaves_its_reason_until_a_change(bpy, link, updates):
     link.skin_calib.grid.margin = 0.004
     while updates.tick() == updates.POLL_INTERVAL:
         pass
-    assert draw(bpy, "status")[0] == "Not fitted yet"
+    assert draw(bpy, "status")[0] == "Not fitted: press Propose or Fit"
     bpy.ops.skin_calib.fit()
     assert re.match(r"Mean 0\.\d{4} mm, 6 taxels", draw(bpy, "status")[0])
 
@@ -133,6 +134,34 @@ def test_first_fit_closes_the_steps_before_the_skin_once(bpy, link):
     assert steps.grid and not steps.skin
 
 
+def test_copy_of_a_link_is_named_in_the_status(bpy, link):
+    """Also after the fit, which closes the step with the name; not after one is renamed."""
+    bpy.ops.skin_calib.fit()
+    copy = link.copy()
+    bpy.context.collection.objects.link(copy)
+    assert draw(bpy, "status")[0] == f"{copy.name} has the same link name"
+    copy.skin_calib.link = "other"
+    assert draw(bpy, "status")[0].startswith("Mean")
+
+
+def test_closed_steps_have_a_warning_sign_for_their_warnings(bpy, link, extension):
+    """No tick where the surface, the check or a skin has a warning; the check says nothing after a change."""
+    work = sys.modules[f"{extension}.panels.work"].SKIN_PT_work
+    mesh, fit, skin = (next(s for s in work.steps if s.label == label) for label in ("Mesh", "Fit", "Skin"))
+    plan = link.skin_calib
+    bpy.ops.skin_calib.diagnose()
+    bpy.ops.skin_calib.fit()
+    assert mesh.figure(plan) == "checked" and not any(step.has_warnings(plan) for step in (mesh, fit, skin))
+    for named in ("", "band"):
+        record = plan.result.warnings.add()
+        record.severity, record.skin = "warning", named
+    finding = plan.diagnosis.findings.add()
+    finding.severity = "warning"
+    assert mesh.figure(plan) == "1 warning" and all(step.has_warnings(plan) for step in (mesh, fit, skin))
+    plan.grid.n += 1
+    assert mesh.figure(plan) == "" and not fit.is_done(plan)
+
+
 def test_worst_warning_comes_first(bpy, link, extension):
     """Records are sorted by severity, in their order otherwise."""
     written = modules(extension, "scene.warnings").warnings
@@ -148,6 +177,6 @@ def test_tab_of_several_links_is_drawn_whole(bpy, link, plan_file):
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file("hand")))
     shown = draw(bpy, "work")
     assert shown.index("Propose All") < shown.index("Check Mesh") < shown.index("Export Skin Calibration")
-    assert draw(bpy, "work", is_open=False) == ["Not fitted yet", "Propose", "Fit", "live"]
+    assert draw(bpy, "work", is_open=False) == ["Not fitted: press Propose or Fit", "Propose", "Fit", "live"]
     bpy.context.view_layer.objects.active = None
     assert "Propose All" in draw(bpy, "work") and "Import Robot" in draw(bpy, "work")

@@ -3,8 +3,9 @@
 import json
 
 import pytest
+from numpy.testing import assert_allclose
 
-from tests.blender.conftest import PLAN
+from tests.blender.conftest import PLAN, modules
 from tests.blender.test_registration import draw
 
 TUBE = {key: PLAN[key] for key in ("cover", "grid") if key in PLAN}
@@ -96,10 +97,64 @@ def test_both_surfaces_are_fitted_and_drawn(bpy, addon, two):
     assert len(layers["ERROR"].points) == len(layers["ERROR"].colours)
 
 
+def test_showing_a_surface_keeps_result_and_check(bpy, two):
+    """The plan is the same: the link stays fitted and checked."""
+    plan = bpy.context.object.skin_calib
+    bpy.ops.skin_calib.diagnose()
+    bpy.ops.skin_calib.fit()
+    bpy.ops.skin_calib.surface_show(index=1)
+    assert not plan.result.outdated and not plan.diagnosis.outdated
+    plan.grid.n = 6
+    bpy.ops.skin_calib.surface_show(index=0)
+    assert plan.result.outdated and plan.diagnosis.outdated
+
+
+def test_advice_is_followed_on_the_surface_of_the_warning(bpy, two, extension):
+    """Cut Here cuts the surface that the warning names, and shows it; the other one stays as it was."""
+    advice = modules(extension, "live.advice").advice
+    written = modules(extension, "scene.warnings").warnings
+    plan = bpy.context.object.skin_calib
+    place = written.Place(point=(0.04, 0.01, 0.06), surface="front")
+    for code, text in (("off-mesh", "Cut Here"), ("folded", "Cut Here"), ("EmptySection", "Widen the Margin")):
+        bpy.ops.skin_calib.surface_show(index=0)  # a tube; the other one is a sector already
+        written.write_warnings(plan.result.warnings, [written.Warning(code, "warning", "front", place)])
+        plan.result.key = "key"
+        shown = draw(bpy, "status")
+        assert shown[-1] == "Do What It Advises", shown
+        (action, _), *_ = advice.offered(advice.warning_at(plan.id_data, 0), plan, 1.0)
+        assert action.text == text
+        assert bpy.ops.skin_calib.take_advice(index=0) == {"FINISHED"}
+        assert plan.surface_name == "front"
+    assert len(plan.cover.cuts) == 2 and not plan.grid.auto_margin
+    assert_allclose(plan.cover.cuts[0].point, (0.04, 0.01, 0.06), atol=1e-6)
+    bpy.ops.skin_calib.surface_show(index=0)
+    assert not plan.cover.cuts and plan.grid.auto_margin == ("margin" not in TUBE["grid"])
+
+
+def test_warnings_and_refusals_name_their_surface(bpy, two):
+    """Those of a fit, and of a refused one, as the status needs them for its button."""
+    plan = bpy.context.object.skin_calib
+    bpy.ops.skin_calib.surface_show(index=1)
+    plan.grid.start, plan.max_deviation = -2.9, 1.0
+    cut = plan.cover.cuts.add()
+    cut.point, cut.normal = (0, 0, 0.06), (0, 0.6, 0.8)
+    bpy.ops.skin_calib.surface_show(index=0)
+    try:
+        bpy.ops.skin_calib.fit()
+        found = [w.surface for w in plan.result.warnings if not w.skin]
+    except RuntimeError:
+        shown = draw(bpy, "status")
+        found = ["front"] if any("'front'" in text for text in shown) else []
+    assert found and set(found) == {"front"}
+
+
 def test_panels_show_the_surfaces(bpy, two):
     """A button for each surface, in the panel Cut and at each skin; a link with one surface has none."""
     shown = draw(bpy, "cut")
     assert shown[:5] == ["Show Surface", "Show Surface", "surface_name", "Add Surface", "Remove Surface"]
+    assert not draw(bpy, "skin").count("Surface")  # of several skins only the names are shown, until they are opened
+    for skin in bpy.context.object.skin_calib.skins:
+        skin.opened = True
     assert draw(bpy, "skin").count("Surface") == 2 * 3  # a label and two buttons for each skin
     bpy.ops.skin_calib.skin_surface(skin=1, name="all")
     bpy.ops.skin_calib.surface_show(index=1)

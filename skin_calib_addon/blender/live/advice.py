@@ -9,6 +9,8 @@ from typing import Any
 import bpy
 
 from ...common.warnings import Warning
+from ...plan.document import grid_kind
+from ..scene.plans import other_surface, shown_index, surface_names
 from ..scene.warnings import read_warning
 from . import updates
 
@@ -22,56 +24,81 @@ class Action:
 
     operator: str
     text: str
-    properties: Callable[[Warning, Any, float], Properties]  # of warning, plan, metre
+    properties: Callable[[Warning, "Subject", float], Properties]  # of warning, subject, metre
 
 
-def _cut(warning: Warning, _plan: Any, metre: float) -> Properties:
+@dataclass(frozen=True)
+class Subject:
+    """The surface of a warning, whether the panels show it or not, and the skins of the link."""
+
+    kind: str  # of the grid
+    region: str  # of a grid by tolerance
+    shell: str
+    skins: Any
+
+    @classmethod
+    def of(cls, warning: Warning, plan: Any) -> "Subject":
+        """Return the surface that a warning names, or the one that the panels show."""
+        surface = other_surface(plan, index) if (index := hidden_surface(warning, plan)) is not None else None
+        if surface is None:
+            return cls(plan.grid.kind, plan.grid.region, plan.cover.shell, plan.skins)
+        return cls(*grid_kind(surface.grid), surface.cover.shell, plan.skins)
+
+
+def hidden_surface(warning: Warning, plan: Any) -> int | None:
+    """Return the index of the surface that a warning names; None if the panels show it, or it names none."""
+    names = surface_names(plan)
+    index = names.index(warning.where.surface) if warning.where.surface in names else None
+    return None if index == shown_index(plan) else index
+
+
+def _cut(warning: Warning, _on: Subject, metre: float) -> Properties:
     """Return the point of a cut at the place of a warning."""
     return {"point": [x / metre for x in warning.where.point]} if warning.where.point else None
 
 
-def _sector(_warning: Warning, plan: Any, _metre: float) -> Properties:
-    """Return what sets the grid to a sector, unless it is one."""
-    if plan.grid.kind not in ("tube", "auto"):
+def _sector(_warning: Warning, on: Subject, _metre: float) -> Properties:
+    """Return what makes the grid of a tube that of a sector."""
+    if "tube" not in (on.kind, on.kind == "auto" and on.region):
         return None
-    return {"data_path": "object.skin_calib.grid.kind", "value": "sector"}
+    return {"data_path": f"object.skin_calib.grid.{'region' if on.kind == 'auto' else 'kind'}", "value": "sector"}
 
 
-def _seen(_warning: Warning, plan: Any, _metre: float) -> Properties:
+def _seen(_warning: Warning, on: Subject, _metre: float) -> Properties:
     """Return what keeps only faces that are seen from outside."""
-    return None if plan.cover.shell == "seen" else {"data_path": "object.skin_calib.cover.shell", "value": "seen"}
+    return None if on.shell == "seen" else {"data_path": "object.skin_calib.cover.shell", "value": "seen"}
 
 
-def _outer(_warning: Warning, plan: Any, _metre: float) -> Properties:
+def _outer(_warning: Warning, on: Subject, _metre: float) -> Properties:
     """Return what keeps only the outer shell."""
-    return {"data_path": "object.skin_calib.cover.shell", "value": "outer"} if plan.cover.shell == "all" else None
+    return {"data_path": "object.skin_calib.cover.shell", "value": "outer"} if on.shell == "all" else None
 
 
-def _facets(_warning: Warning, plan: Any, _metre: float) -> Properties:
+def _facets(_warning: Warning, _on: Subject, _metre: float) -> Properties:
     """Return what removes the option of chords."""
     return {"data_path": "object.skin_calib.chords", "value": False}
 
 
-def _tolerance(warning: Warning, plan: Any, metre: float) -> Properties:
+def _tolerance(warning: Warning, on: Subject, metre: float) -> Properties:
     """Return what sets the tolerance to the best achievable error."""
-    if not warning.value or plan.grid.kind != "auto":
+    if not warning.value or on.kind != "auto":
         return None
     return {"data_path": "object.skin_calib.grid.tolerance", "value": warning.value / metre}
 
 
-def _margin(_warning: Warning, plan: Any, _metre: float) -> Properties:
+def _margin(_warning: Warning, on: Subject, _metre: float) -> Properties:
     """Return the wider margin of a tube, sector or face."""
-    return None if plan.grid.kind == "planes" else {}
+    return None if on.kind == "planes" else {}
 
 
-def _skin_of(warning: Warning, plan: Any) -> tuple[int, Any] | None:
+def _skin_of(warning: Warning, on: Subject) -> tuple[int, Any] | None:
     """Return the index of the skin of a warning, and the skin; None without one."""
-    return next(((i, skin) for i, skin in enumerate(plan.skins) if skin.name == warning.where.skin), None)
+    return next(((i, skin) for i, skin in enumerate(on.skins) if skin.name == warning.where.skin), None)
 
 
-def _fewer(warning: Warning, plan: Any, metre: float) -> Properties:
+def _fewer(warning: Warning, on: Subject, metre: float) -> Properties:
     """Return what removes the columns, or rows, that overlap."""
-    found = _skin_of(warning, plan)
+    found = _skin_of(warning, on)
     if found is None or found[1].kind != "sheet" or not warning.value:
         return None
     i, skin = found
@@ -80,17 +107,17 @@ def _fewer(warning: Warning, plan: Any, metre: float) -> Properties:
     return {"data_path": f"object.skin_calib.skins[{i}].{name}", "value": count} if count >= 1 else None
 
 
-def _trim(warning: Warning, plan: Any, _metre: float) -> Properties:
+def _trim(warning: Warning, on: Subject, _metre: float) -> Properties:
     """Return what leaves out the cells of a sheet that are off the surface."""
-    found = _skin_of(warning, plan)
+    found = _skin_of(warning, on)
     if found is None or found[1].kind != "sheet" or found[1].trim:
         return None
     return {"data_path": f"object.skin_calib.skins[{found[0]}].trim", "value": True}
 
 
-def _paint(warning: Warning, plan: Any, _metre: float) -> Properties:
+def _paint(warning: Warning, on: Subject, _metre: float) -> Properties:
     """Return the boards to be painted."""
-    found = _skin_of(warning, plan)
+    found = _skin_of(warning, on)
     return {"skin": found[0]} if found and found[1].kind == "hexagons" else None
 
 
@@ -160,8 +187,9 @@ def offered(warning: Warning, plan: Any, metre: float) -> Iterator[tuple[Action,
         Length of a scene unit [m].
     """
     actions = ACTIONS.get(warning.code, ())
+    on = Subject.of(warning, plan)
     for action in actions if isinstance(actions, tuple) else ():
-        properties = action.properties(warning, plan, metre)
+        properties = action.properties(warning, on, metre)
         if properties is not None:
             yield action, properties
 

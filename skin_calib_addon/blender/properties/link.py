@@ -98,6 +98,9 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
     proposed: IntProperty(
         name="Proposed Taxels", description="Taxels of the proposal in these properties; 0: none is there", **FIXED
     )
+    proposed_area: StringProperty(
+        name="Proposed Area", description="Area of the cells of the proposal, and of what is free, in words", **FIXED
+    )
     refusal: StringProperty(
         name="Refusal", description="Why the last import, proposal or fit was refused; empty: it was not", **FIXED
     )

@@ -41,6 +41,7 @@ class SKIN_PG_skin(bpy.types.PropertyGroup):
     """A sheet of taxels, hexagonal boards, or taxels of a file."""
 
     kind: EnumProperty(name="Kind", description="What the skin is made of", items=items_of(SKIN_KINDS), **PLAN)
+    opened: BoolProperty(name="Open", description="Show what this skin has, in a list of several", **FIXED)
     cells: StringProperty(
         name="Cells",
         description="The boards as q,r with spaces between: 0,0 is the root, q counts along its row, r along the "

@@ -28,6 +28,7 @@ class SKIN_PG_warning(bpy.types.PropertyGroup):
     point: FloatVectorProperty(name="Point", description="Place in the link frame [m]", **FIXED)
     names: StringProperty(name="Names", description="Planes or rows near the place", **FIXED)
     skin: StringProperty(name="Skin", description="Name of the skin", **FIXED)
+    surface: StringProperty(name="Surface", description="Name of the surface, of several", **FIXED)
 
 
 CLASSES = (SKIN_PG_warning,)

@@ -152,6 +152,11 @@ def read_surfaces(settings: Any, metre: float) -> tuple[Surface, ...]:
     return tuple(_shown(settings, metre) if other is None else read_document(SURFACE, other) for other in kept)
 
 
+def other_surface(settings: Any, index: int) -> Surface:
+    """Return a surface that the properties of a link do not have, by its index in the plan."""
+    return read_document(SURFACE, json.loads(settings.other_surfaces)[index])
+
+
 def shown_surface(link: bpy.types.Object, scene: bpy.types.Scene) -> Surface:
     """Return the surface that the properties of an object have.
 

@@ -89,7 +89,7 @@ def add_skin(skins: Any, kind: str, metre: float, name: str = "skin") -> Any:
     names = {skin.name for skin in skins}
     skin = skins.add()
     skin.name = next(n for n in chain([name], (f"{name}_{k}" for k in count(2))) if n not in names)
-    skin.kind, skin.auto_channel = kind, True
+    skin.kind, skin.auto_channel, skin.opened = kind, True, True
     _write_first(skin, metre)
     return skin
 

@@ -16,7 +16,9 @@ def refusal_of(error: SkinCalibError) -> Warning:
     """Return the error of a refused fit as a warning record; its code is the class where the error has none."""
     code = error.numbers.get("code", type(error).__name__)
     place = error.numbers.get("place", NOWHERE)
-    place = replace(place, skin=place.skin or error.numbers.get("skin", ""))
+    place = replace(
+        place, skin=place.skin or error.numbers.get("skin", ""), surface=error.numbers.get("surface", place.surface)
+    )
     value = error.numbers.get("achievable", error.numbers.get("overlap"))
     return Warning(code, "error", in_window(error), place, value)
 
@@ -39,7 +41,7 @@ def write_warnings(records: Any, warnings: Iterable[Warning]) -> None:
         record.value = warning.value or 0.0
         record.has_point = where.point is not None
         record.point = where.point or (0.0, 0.0, 0.0)
-        record.names, record.skin = where.names, where.skin
+        record.names, record.skin, record.surface = where.names, where.skin, where.surface
 
 
 def read_warning(record: Any) -> Warning:
@@ -51,5 +53,5 @@ def read_warning(record: Any) -> Warning:
         As `write_warnings` writes it.
     """
     point = tuple(record.point) if record.has_point else None
-    place = Place(point, record.names, record.skin)
+    place = Place(point, record.names, record.skin, surface=record.surface)
     return Warning(record.code, record.severity, record.message, place, record.value, record.advice)

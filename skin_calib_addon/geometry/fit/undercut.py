@@ -52,7 +52,7 @@ def undercut_warnings(
             "warning",
             f"The section folds back behind itself {place.words}. "
             "Parallel lines, or lines from one axis, cannot follow it. "
-            f"The surface is {distance * 1e3:.2f} mm off there.",
+            f"The folded part is {distance * 1e3:.2f} mm from the surface.",
             place,
             distance,
             "Move the axis so that each ray from it meets the section once, place the planes across the undercut, or "
