@@ -165,7 +165,7 @@ class SKIN_MT_skins(bpy.types.Menu):
                 add(layout, context, name, icon, what="origin", skin=i)
         if skin.kind == "hexagons":
             add(layout, context, "boards_paint", "BRUSH_DATA", skin=i)
-            add(layout, context, "zones_from_faces", "FACESEL", skin=i)
+        add(layout, context, "zones_from_faces", "FACESEL", skin=i)
         for what, listed in lists:
             add(layout, context, f"{what}_add", "ADD", skin=i)
             if len(getattr(skin, listed)):
@@ -176,7 +176,8 @@ class SKIN_MT_skins(bpy.types.Menu):
             add(layout, context, "preset_save", "PRESET_NEW", skin=i)
         names = surface_names(context.object.skin_calib)
         for name in names if len(names) > 1 else ():
-            layout.operator("skin_calib.skin_surface", text=f"On {name}", icon="SURFACE_DATA").name = name
+            put = layout.operator("skin_calib.skin_surface", text=f"On {name}", icon="SURFACE_DATA")
+            put.skin, put.name = i, name
         add(layout, context, "skin_remove", "X", index=i)
 
 

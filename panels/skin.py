@@ -73,6 +73,8 @@ class SkinStep(Step):
             row.operator("skin_calib.zones_from_faces", text="", icon="FACESEL").skin = i
 
     def draw_single_taxels(self, layout, skin, key, i):
+        if skin.kind != "hexagons":
+            button(layout, "zones_from_faces", icon="FACESEL").skin = i
         if not skin.taxels:
             return
         layout.label(text=key.label)

@@ -1,11 +1,14 @@
-"""Discs that cover faces of a mesh: a selection of faces as the excluded zones of a plan."""
+"""Faces without skin: discs that cover them, as the excluded zones of boards, and the taxels of a sheet over them."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from ..common.arrays import Array
+from ..calibration.model import TaxelArray
+from ..common.arrays import Array, BoolArray
 
 # [1] ratio of the distance of the examined points on a face to the largest radius. Larger: discs protrude more.
 SPACING = 0.1
+STEPS_PER_CELL = 5  # [1] examined points on a face along a cell. Larger: corners over the faces are found, more time
 MAX_CENTRES = 50  # [1] centres that are tried for a ball. Larger: fewer balls, more time
 
 
@@ -42,6 +45,30 @@ def discs_over(triangles: Array, max_radius: float) -> list[tuple[Array, float]]
         found.append((centres[best], float(farthest[best] + max_radius - limit)))
         left[near[inside[best]]] = False
     return found
+
+
+def taxels_over(triangles: Array, taxels: TaxelArray) -> BoolArray:
+    """Return which taxels have a part of their cell over or below faces.
+
+    A point of a face is below the cell whose centre is the nearest, if it is not farther than the corners of this cell.
+
+    Parameters
+    ----------
+    triangles : array, shape (f, 3, 3)
+        Corners of the faces [m].
+    taxels : TaxelArray
+        Of a sheet, n taxels; link frame.
+
+    Returns
+    -------
+    array of bool, shape (n,)
+    """
+    points = _points_on(triangles, float(np.sqrt(taxels.areas.min())) / STEPS_PER_CELL)
+    distances, nearest = map(np.asarray, cKDTree(taxels.positions_link).query(points))
+    radius = np.linalg.norm(taxels.corners_link - taxels.positions_link[:, None], axis=2).max(axis=1)
+    over = np.zeros(len(taxels.ids), bool)
+    over[nearest[distances <= radius[nearest]]] = True
+    return over
 
 
 def _points_on(triangles: Array, step: float) -> Array:

@@ -1,14 +1,15 @@
-"""The menu Skin in the header: every operator; samples; zones from faces."""
+"""The menu Skin in the header: every operator; samples; faces without skin."""
 
 import importlib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tests.blender.conftest import BOARDS
-from tests.blender.test_registration import EXCHANGE, OPERATORS, Layout
+from tests.blender.test_registration import EXCHANGE, OPERATORS, Drawn, Layout
 
-INTERNAL = {"import_wait", "choose_link"}  # a part of other operators
+INTERNAL = {"import_wait", "choose_link", "take_advice"}  # a part of other operators
 
 
 def listed(bpy):
@@ -127,3 +128,40 @@ def test_toolbar_has_tools_for_planes_and_boards(bpy, extension):
     addon_utils.disable(extension)
     assert not tools()
     addon_utils.enable(extension)
+
+
+def test_faces_are_without_taxels_of_a_sheet(bpy, link, addon):
+    """Taxels over the faces are disabled, no other ones; before a fit nobody knows which."""
+    link.skin_calib.skins[0].columns = 8
+    group = link.vertex_groups.new(name="no skin")
+    chosen = facing(link, 1, 0.012)
+    group.add(sorted({v for f in np.flatnonzero(chosen) for v in link.data.polygons[f].vertices}), 1.0, "REPLACE")
+    with pytest.raises(RuntimeError, match="Fit the link first, to see its taxels"):
+        bpy.ops.skin_calib.zones_from_faces(skin=0)
+    bpy.ops.skin_calib.fit()
+    (before,) = addon.drawing.patches_of(link)
+    assert bpy.ops.skin_calib.zones_from_faces(skin=0) == {"FINISHED"} and bpy.ops.skin_calib.fit() == {"FINISHED"}
+    kept = {i for patch in addon.drawing.patches_of(link) for i in patch.taxels.ids}
+    along = before.taxels.corners_link[:, :, 1]
+    over, clear = along.min(axis=1) > 0.02, along.max(axis=1) < 0.006
+    for name, is_over, is_clear in zip(before.taxels.ids, over, clear):
+        assert name not in kept if is_over else name in kept or not is_clear, name
+    assert over.any() and clear.any()
+
+
+class Recorded(Layout):
+    """Records each operator with its properties."""
+
+    def operator(self, name, **_):
+        self.called.append(SimpleNamespace(id=name))
+        return self.called[-1]
+
+
+def test_menu_puts_each_skin_on_a_surface(bpy, link):
+    """The entry of the second skin changes the second skin."""
+    bpy.ops.skin_calib.skin_add(kind="sheet")
+    bpy.ops.skin_calib.surface_add()
+    layout = Recorded(bpy, [])
+    Drawn(bpy.types.SKIN_MT_skins, layout).draw(bpy.context)
+    put = [(found.skin, found.name) for found in layout.called if found.id == "skin_calib.skin_surface"]
+    assert put == [(skin, name) for skin in (0, 1) for name in ("cover", "surface_2")]

@@ -46,7 +46,15 @@ class Subject:
 
 
 def hidden_surface(warning: Warning, plan: Any) -> int | None:
-    """Return the index of the surface that a warning names; None if the panels show it, or it names none."""
+    """Return the index of the surface that a warning names; None if the panels show it, or it names none.
+
+    Parameters
+    ----------
+    warning : Warning
+        Of the fit or of its refusal.
+    plan : SKIN_PG_link
+        The plan.
+    """
     names = surface_names(plan)
     index = names.index(warning.where.surface) if warning.where.surface in names else None
     return None if index == shown_index(plan) else index

@@ -153,7 +153,20 @@ def read_surfaces(settings: Any, metre: float) -> tuple[Surface, ...]:
 
 
 def other_surface(settings: Any, index: int) -> Surface:
-    """Return a surface that the properties of a link do not have, by its index in the plan."""
+    """Return a surface that the properties of a link do not have.
+
+    Parameters
+    ----------
+    settings : SKIN_PG_link
+        The plan.
+    index : int
+        Of the surface in the plan.
+
+    Returns
+    -------
+    Surface
+        In metres in the link frame.
+    """
     return read_document(SURFACE, json.loads(settings.other_surfaces)[index])
 
 
