@@ -88,7 +88,7 @@ class RobotStep(Step):
 
 
 class ReasonsStep(Step):
-    label = "Reasons of the Proposal"
+    label = "Proposal"
     name = "reasons"
 
     def draw(self, layout, plan):

@@ -24,6 +24,7 @@ PARTS = {
     "live.png": ("live/dragged.png", (180, 80, 985, 772)),
     "imported.png": ("imported/found.png", (60, 80, 985, 1180)),
     "inspect.png": ("inspect/playing.png", (60, 80, 985, 1180)),
+    "robot_in_blender.png": ("robot/robot_fitted.png", (400, 20, 1318, 814)),
 }
 PART_WIDTH = 720  # [pixel]
 

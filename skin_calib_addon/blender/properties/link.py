@@ -66,7 +66,7 @@ class SKIN_PG_steps(bpy.types.PropertyGroup):
 
     link: _open("Link")
     mesh: _open("Mesh")
-    reasons: _open("Reasons of the Proposal", False)
+    reasons: _open("Proposal", False)
     cut: _open("Cut", False)
     grid: _open("Grid")
     fit: _open("Fit", False)
