@@ -5,7 +5,7 @@
 The robot stands on its full soles, or on a beam under the middle half of them. It is pushed for 0.1 s at the chest,
 from one of eight directions. The controller is that of eq. 4.27 to 4.29 with the gains of table 2, and the ankles turn
 the soles. It gets the ZMP either from the soles or from simulated force/torque sensors in the ankles. Both are recorded
-in each run. The largest push that the robot survives is sought by bisection.
+in each run. The largest push that the robot survives is sought: it is doubled until the robot falls, then bisected.
 """
 
 from collections.abc import Callable
@@ -24,8 +24,7 @@ SOURCES = ("skin", "ankle")
 TABLE_2 = Gains(dcm=1.5, zmp=0.5, com=1.0)
 DIRECTIONS = 8
 START, PUSH, END = 0.5, 0.1, 4.0  # begin of a push, its duration, and end of a run [s]
-LARGEST = {"full sole": 16.0, "half sole": 12.0}  # push of the search [N s]
-TRIALS = 3  # of the bisection, which ends with an interval of LARGEST / 2**TRIALS
+FIRST, RESOLUTION = 8.0, 1.0  # push with which the search begins, and interval with which it ends [N s]
 SENSITIVITY = 0.1  # standard deviation of the sensitivity of the cells
 Array = np.ndarray
 
@@ -68,19 +67,40 @@ def push(case: Case, impulse: float, each: Callable[[Biped], None] | None = None
     return not robot.fallen, np.array(rows)
 
 
+def largest_push(survives: Callable[[float], bool], first: float, resolution: float) -> float:
+    """Return the largest push that is survived [N s]; zero if none is.
+
+    Parameters
+    ----------
+    survives : callable
+        Called with a push [N s].
+    first : float
+        Push with which the search begins. It is doubled until it is not survived [N s].
+    resolution : float
+        Largest interval between the push survived and one that is not, with which the search ends [N s].
+    """
+    low, high = 0.0, first
+    while survives(high):
+        low, high = high, 2 * high
+    while high - low > resolution:
+        middle = (low + high) / 2
+        low, high = (middle, high) if survives(middle) else (low, middle)
+    return low
+
+
 def run(case: Case) -> Result:
     """Search for the largest push."""
-    low, high, apart, moved = 0.0, LARGEST[case.ground], [], 0.0
-    for _ in range(TRIALS):
-        impulse = (low + high) / 2
+    apart, moved = [np.zeros(0)], [0.0]
+
+    def survives(impulse: float) -> bool:
         stands, zmps = push(case, impulse)
         if stands:
-            low = impulse
             apart.append(np.linalg.norm(zmps[:, 0] - zmps[:, 1], axis=1))
-            moved = max(moved, float(np.nanmax(np.linalg.norm(zmps[:, 0] - zmps[0, 0], axis=1))))
-        else:
-            high = impulse
-    return Result(low, np.concatenate([np.zeros(0), *apart]), moved)
+            moved.append(float(np.nanmax(np.linalg.norm(zmps[:, 0] - zmps[0, 0], axis=1))))
+        return stands
+
+    survived = largest_push(survives, FIRST, RESOLUTION)
+    return Result(survived, np.concatenate(apart), max(moved))
 
 
 def draw(results: dict, cases: dict, path) -> None:
@@ -102,7 +122,7 @@ def draw(results: dict, cases: dict, path) -> None:
             ax.plot(around[closed], means[closed], color=colour, label=f"ZMP by {source}")
             ax.plot(angles, survived, ".", color=colour, ms=4)
         ax.set_theta_zero_location("N")
-        ax.set_rmax(LARGEST["full sole"])
+        ax.set_rmax(max(search.survived for searches in results.values() for search in searches) + 1)
         ax.set_title(f"largest push survived [N s], {ground}", fontsize=9)
         ax.tick_params(labelsize=7)
         if k == 0:
@@ -135,7 +155,7 @@ def main() -> None:
             (
                 ground,
                 {"skin": "skin", "ankle": "ankles"}[source],
-                f"{spread([search.survived for search in searches], 1)}, steps of {LARGEST[ground] / 2**TRIALS:g}",
+                f"{spread([search.survived for search in searches], 1)}, steps of {RESOLUTION:g}",
                 f"{np.nanmean(apart):.1f} / {np.nanpercentile(apart, 95):.1f} / {np.nanmax(apart):.1f}",
                 spread([1e3 * search.moved for search in searches]),
             )

@@ -1,11 +1,11 @@
 """Keep the balance of a Unitree G1 under pushes with the ZMP of skin on its feet (thesis 4.3.1).
 
-    python examples/control/g1.py [--urdf g1_29dof_rev_1_0.urdf] [--seeds 16]
+    python examples/control/g1.py [--urdf g1_29dof_rev_1_0.urdf] [--seeds 20]
 
 The skin is proposed and fitted by ``skin-calib fit --propose`` and comes into the simulation by ``write_mjcf``. The
 controller is that of eq. 4.27 to 4.29 with the gains of table 2. Its ZMP is felt by the skin, or by simulated
-force/torque sensors in the ankles, or not at all. The largest push for 0.1 s that the robot survives is sought by
-bisection.
+force/torque sensors in the ankles, or not at all. The largest push for 0.1 s that the robot survives is sought as in
+``balance.py``.
 """
 
 import argparse
@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from balance import TABLE_2
+from balance import TABLE_2, largest_push
 from biped import (
     COUNTS,
     FORCE_NOISE,
@@ -61,7 +61,7 @@ STIFFNESS, DAMPING = 1000.0, 20.0  # of the servos [N m/rad, N m s/rad]
 SOURCES = ("skin", "ankle", "none")
 DIRECTIONS = 8
 START, PUSH, END = 0.5, 0.1, 4.0  # begin of a push, its duration, and end of a run [s]
-LARGEST, TRIALS = 24.0, 3  # push of the search [N s], and steps of the bisection
+FIRST, RESOLUTION = 12.0, 3.0  # push with which the search begins, and interval with which it ends [N s]
 UPRIGHT = 0.9  # cosine of the tilt of the pelvis up to which the robot stands
 Array = np.ndarray
 
@@ -472,22 +472,22 @@ def push(case: Case, impulse: float) -> tuple[bool, Array]:
 
 def run(case: Case) -> Result:
     """Search for the largest push."""
-    low, high, off, apart = 0.0, LARGEST, [np.zeros(0)], [np.zeros(0)]
-    for _ in range(TRIALS):
-        impulse = (low + high) / 2
+    off, apart = [np.zeros(0)], [np.zeros(0)]
+
+    def survives(impulse: float) -> bool:
         stands, zmps = push(case, impulse)
         if stands:
-            low = impulse
             off.append(np.linalg.norm(zmps[:, 0] - zmps[:, 2], axis=1))
             apart.append(np.linalg.norm(zmps[:, 0] - zmps[:, 1], axis=1))
-        else:
-            high = impulse
-    return Result(low, np.concatenate(off), np.concatenate(apart))
+        return stands
+
+    survived = largest_push(survives, FIRST, RESOLUTION)
+    return Result(survived, np.concatenate(off), np.concatenate(apart))
 
 
 def main() -> None:
     """Run all cases and print a table."""
-    given = with_g1(arguments(__doc__, seeds=2 * DIRECTIONS)).parse_args()
+    given = with_g1(arguments(__doc__)).parse_args()
     folder = given.out / "g1"
     propose(given.urdf, folder)
     cases = [Case(given.urdf, folder, source, seed) for source in SOURCES for seed in range(given.seeds)]
@@ -500,7 +500,7 @@ def main() -> None:
             far = 1e3 * np.concatenate([getattr(r, name) for r in runs])
             texts.append(f"{np.nanmean(far):.1f} / {np.nanpercentile(far, 95):.1f} / {np.nanmax(far):.1f}")
         used = {"skin": "skin", "ankle": "ankles", "none": "no feedback"}[source]
-        rows.append((used, f"{spread([r.survived for r in runs], 1)}, steps of {LARGEST / 2**TRIALS:g}", *texts))
+        rows.append((used, f"{spread([r.survived for r in runs], 1)}, steps of {RESOLUTION:g}", *texts))
     distance = "mean / 95 % / maximum [mm]"
     heads = ("ZMP by", "largest push survived [N s]", f"skin to ankles, {distance}", f"skin to truth, {distance}")
     report(given, heads, rows)
