@@ -519,7 +519,7 @@ def hand_before(runs: list[Result]) -> str:
 
 def main() -> None:
     """Run all cases; print the numbers; draw."""
-    given = arguments(__doc__, has_table=False).parse_args()
+    given = arguments(__doc__, page=None).parse_args()
     kinds = [(kind, variant) for kind, variants in VARIANTS.items() for variant in variants]
     cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
     found = run_all(run, cases, given)

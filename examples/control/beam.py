@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import Biped
-from experiment import arguments, film_both, report, run_all, stands_and_steps
+from experiment import arguments, film_both, positive, report, run_all, stands_and_steps, whole
 from shapes import FORWARD
 from walker import OTHER, Gait, Step, Walker, walk
 
@@ -70,8 +70,8 @@ def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Resu
 def main() -> None:
     """Run all cases; print a table; draw."""
     parser = arguments(__doc__)
-    parser.add_argument("--steps", type=int, default=50)
-    parser.add_argument("--width", type=float, default=0.08, help="of the beam [m]")
+    parser.add_argument("--steps", type=whole, default=50)
+    parser.add_argument("--width", type=positive, default=0.08, help="of the beam [m]")
     given = parser.parse_args()
     cases = [Case(feels, given.width, given.steps, seed) for feels in (False, True) for seed in range(given.seeds)]
     found = run_all(run, cases, given)

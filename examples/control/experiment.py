@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import get_context
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import mujoco
@@ -15,28 +16,67 @@ from PIL import Image
 from tqdm import tqdm
 
 ROOT = Path(__file__).resolve().parents[2]
-OUT, PAGE = ROOT / "out" / "control", ROOT / "docs" / "explanation" / "control.md"
+OUT = ROOT / "out" / "control"
+PAGE, ARM_PAGE = (ROOT / "docs" / "explanation" / name for name in ("control.md", "arm.md"))
 FRAME_TIME = 0.1  # between the frames of an animation [s]
 SIZE = (360, 480)  # of an animation [pixel]
 Array = np.ndarray
 
 
-def arguments(description: str, seeds: int = 20, has_table: bool = True) -> argparse.ArgumentParser:
-    """Return the options of every experiment."""
+def whole(text: str) -> int:
+    """Return the number of an option that counts something; argparse reports the others."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 1")
+    return int(text)
+
+
+def positive(text: str) -> float:
+    """Return the number of an option that is a size or a speed; argparse reports the others."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not 0 < value < np.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
+    return value
+
+
+def folder(text: str) -> Path:
+    """Return a folder that can be written, made if it is missing; argparse reports the others."""
+    try:
+        Path(text).mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=text):
+            return Path(text)
+    except OSError as error:
+        raise argparse.ArgumentTypeError(f"cannot write to the folder {text}: {error.strerror}") from error
+
+
+def arguments(description: str, page: Path | None = PAGE, has_animation: bool = True) -> argparse.ArgumentParser:
+    """Return the options of an experiment.
+
+    Parameters
+    ----------
+    description : str
+        Its first line is shown by ``--help``.
+    page : path, optional
+        Where ``--write`` puts the table. None: the experiment has no table.
+    has_animation : bool
+        Whether the experiment makes one, which can be left out.
+    """
     parser = argparse.ArgumentParser(description=description.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=seeds, help="number of runs with different noise")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
-    parser.add_argument("--out", type=Path, default=OUT, help="folder of figures and animations")
-    parser.add_argument("--no-animation", action="store_true", help="only the numbers and the figure")
-    if has_table:
+    parser.add_argument("--seeds", type=whole, default=20, help="number of runs with different noise")
+    parser.add_argument("--jobs", type=whole, default=os.cpu_count() or 1, help="processes")
+    parser.add_argument("--out", type=folder, default=str(OUT), help="folder of figures and animations")
+    if has_animation:
+        parser.add_argument("--no-animation", action="store_true", help="only the numbers and the figure")
+    if page:
         parser.add_argument("--write", action="store_true", help="the table into the documentation")
-    parser.set_defaults(name=Path(parser.prog).stem)
+    parser.set_defaults(name=Path(parser.prog).stem, page=page)
     return parser
 
 
 def run_all(work: Callable[[Any], Any], cases: Sequence[Any], given: argparse.Namespace) -> list[Any]:
     """Return the results of the cases in their order, with a progress bar."""
-    given.out.mkdir(parents=True, exist_ok=True)
     with _mapped(work, cases, given.jobs) as results:
         return list(tqdm(results, total=len(cases)))
 
@@ -80,10 +120,10 @@ def report(given: argparse.Namespace, heads: Sequence[str], rows: Sequence[Seque
     print(table)
     if given.write:
         begin, end = (f"<!-- {edge} of the table of {given.name}.py -->\n" for edge in ("begin", "end"))
-        before, found, rest = PAGE.read_text("utf-8").partition(begin)
+        before, found, rest = given.page.read_text("utf-8").partition(begin)
         if not found:
-            raise SystemExit(f"{PAGE} has no line {begin}")
-        PAGE.write_text(f"{before}{begin}\n{table}\n{end}{rest.partition(end)[2]}", "utf-8")
+            raise SystemExit(f"{given.page} has no line {begin}")
+        given.page.write_text(f"{before}{begin}\n{table}\n{end}{rest.partition(end)[2]}", "utf-8")
 
 
 class Camera:

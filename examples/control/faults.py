@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import NOISE, PERIOD, Biped, Faults
-from experiment import arguments, report, run_all, spread, stands_and_steps
+from experiment import arguments, report, run_all, spread, stands_and_steps, whole
 from shapes import SOLE_CELLS
 from walker import Walker, forward_steps, walk
 
@@ -82,8 +82,8 @@ def run(case: Case, each: Callable[[Biped], None] | None = None) -> Result:
 
 def main() -> None:
     """Run all cases and print a table."""
-    parser = arguments(__doc__)
-    parser.add_argument("--steps", type=int, default=2)
+    parser = arguments(__doc__, has_animation=False)
+    parser.add_argument("--steps", type=whole, default=2)
     given = parser.parse_args()
     cases = [Case(*kind, given.steps, seed) for kind in CASES for seed in range(given.seeds)]
     found = run_all(run, cases, given)

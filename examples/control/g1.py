@@ -91,9 +91,27 @@ class Result:
     apart: Array  # and from that of the ankles [m]
 
 
-def with_g1(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    """Return a parser with the option for the robot."""
-    parser.add_argument("--urdf", type=Path, default=URDF, help="of the G1, with its meshes")
+def urdf_of_g1(text: str, links: tuple[str, ...] = ()) -> Path:
+    """Return the path of the URDF of a G1 that has these links, too; argparse reports what is none."""
+    try:
+        root = ET.parse(text).getroot()
+    except OSError as error:
+        raise argparse.ArgumentTypeError(f"cannot read {text}: {error.strerror}") from error
+    except ET.ParseError as error:
+        raise argparse.ArgumentTypeError(f"{text} is not an XML file: {error}") from error
+    joints = [f"{side}_{name}_joint" for side in ("left", "right") for name in LEG]
+    for kind, names in {"link": ("pelvis", *FEET, *links), "joint": joints}.items():
+        missing = sorted(set(names) - {element.get("name") for element in root.iter(kind)})
+        if missing:
+            raise argparse.ArgumentTypeError(f"{text} is not the URDF of a G1: it has no {kind} {missing[0]!r}")
+    return Path(text)
+
+
+def with_g1(parser: argparse.ArgumentParser, links: tuple[str, ...] = ()) -> argparse.ArgumentParser:
+    """Return a parser with the option for the robot, which must have these links besides pelvis and feet."""
+    parser.add_argument(
+        "--urdf", type=lambda text: urdf_of_g1(text, links), default=URDF, help="of the G1, with its meshes"
+    )
     return parser
 
 
@@ -487,7 +505,7 @@ def run(case: Case) -> Result:
 
 def main() -> None:
     """Run all cases and print a table."""
-    given = with_g1(arguments(__doc__)).parse_args()
+    given = with_g1(arguments(__doc__, has_animation=False)).parse_args()
     folder = given.out / "g1"
     propose(given.urdf, folder)
     cases = [Case(given.urdf, folder, source, seed) for source in SOURCES for seed in range(given.seeds)]

@@ -116,7 +116,7 @@ def run(case: G1Case) -> Result:
 
 def main() -> None:
     """Run all cases and print a table."""
-    given = with_g1(arguments(__doc__)).parse_args()
+    given = with_g1(arguments(__doc__, has_animation=False), (LINK, HAND)).parse_args()
     folder = given.out / "g1_arm"
     propose(given.urdf, folder, (LINK,))
     kinds = [(kind, variant) for kind, variants in VARIANTS.items() for variant in variants]

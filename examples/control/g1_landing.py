@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from biped import PERIOD
-from experiment import arguments, count, report, run_all, spread
+from experiment import arguments, count, positive, report, run_all, spread, whole
 from g1 import FEET, G1, GRAVITY, Balancer, Senses, propose, with_g1
 from landing import Impact, Judge
 from walker import Gait, Proximity, descent, quintic
@@ -132,9 +132,9 @@ def run(case: Case, each: Callable[[G1], None] | None = None) -> tuple[bool, lis
 
 def main() -> None:
     """Run all cases and print a table."""
-    parser = with_g1(arguments(__doc__))
-    parser.add_argument("--steps", type=int, default=4, help="in each run")
-    parser.add_argument("--speed", type=float, default=0.4, help="of landing without proximity [m/s]")
+    parser = with_g1(arguments(__doc__, has_animation=False))
+    parser.add_argument("--steps", type=whole, default=4, help="in each run")
+    parser.add_argument("--speed", type=positive, default=0.4, help="of landing without proximity [m/s]")
     given = parser.parse_args()
     folder = given.out / "g1"
     propose(given.urdf, folder)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import FLAT, Biped
 from estimator import SOLE_CENTRE
-from experiment import arguments, count, film_both, report, run_all, spread
+from experiment import arguments, count, film_both, positive, report, run_all, spread, whole
 from shapes import HALF_SIZE
 from walker import Gait, Proximity, Walker, forward_steps, walk
 
@@ -177,8 +177,8 @@ def ratio(soft: list[Impact], hard: list[Impact]) -> str:
 def main() -> None:
     """Run all cases; print a table; draw."""
     parser = arguments(__doc__)
-    parser.add_argument("--steps", type=int, default=3, help="on flat ground, in each run")
-    parser.add_argument("--speed", type=float, default=0.4, help="of landing without proximity [m/s]")
+    parser.add_argument("--steps", type=whole, default=3, help="on flat ground, in each run")
+    parser.add_argument("--speed", type=positive, default=0.4, help="of landing without proximity [m/s]")
     given = parser.parse_args()
     steps = {"flat": given.steps, "obstacle": OBSTACLE_STEPS}
     kinds = [(ground, proximity) for ground in GROUND for proximity in (False, True)]

@@ -14,7 +14,7 @@ from functools import cache
 
 import numpy as np
 from biped import mujoco  # after its settings
-from experiment import FRAME_TIME, Camera, arguments, run_all, spread
+from experiment import ARM_PAGE, FRAME_TIME, Camera, arguments, count, report, run_all, spread
 from PIL import Image
 from planar_skin import FORCE_COUNTS, FULL_SCALE, LINK_LENGTH, PLAN, RANGE, RANGE_COUNTS
 from planar_skin import RADIUS as RADIUS_OF_LINK
@@ -56,6 +56,7 @@ NEAR_RANGE = 0.03  # of the repulsion while the arm pushes [m]
 BLEND_RATE = 10.0  # delta_t [1/s]
 AT_GOAL = 0.02  # distance at which the goal counts as met [m]
 POLICIES = ("without skin", "avoid only", "as printed", "runtime")
+NAMES = dict(zip(POLICIES, ("without skin", "avoidance only", "table 1 as printed", "`IntentionalContact`")))
 COLOURS = {Stage.AVOID: "#dfe8f5", Stage.PUSH: "#fbe8c8", Stage.YIELD: "#f5c9c9"}
 Array = np.ndarray
 
@@ -327,6 +328,13 @@ class Result:
         return float((self.log[:, 4] > limit).sum() * PERIOD)
 
     @property
+    def changes_before_touch(self) -> int:
+        """Number of changes of the stage before the first contact."""
+        touches = self.log[:, 4] > 0
+        end = int(touches.argmax()) if touches.any() else len(self.stages)
+        return sum(a is not b for a, b in zip(self.stages[:end], self.stages[1:end]))
+
+    @property
     def changes(self) -> int:
         """Number of changes of the stage."""
         return sum(a is not b for a, b in zip(self.stages, self.stages[1:]))
@@ -405,24 +413,34 @@ def draw(result: Result, path) -> None:
 
 def main() -> None:
     """Run all cases; print a table; draw."""
-    given = arguments(__doc__, has_table=False).parse_args()
+    given = arguments(__doc__, page=ARM_PAGE).parse_args()
     cases = [(policy, seed) for policy in POLICIES for seed in range(given.seeds)]
-    found = run_all(run, cases, given)
-    heads = ("policy", "at goal", "time [s]", "peak before [N]", "peak by the push [N]", "above limit [s]", "changes")
-    widths = (14, 8, 20, 22, 22, 20, 14)
-    print(" ".join(f"{head:{width}}" for head, width in zip(heads, widths)), "jump [N m]")
+    found, rows = run_all(run, cases, given), []
     for k, policy in enumerate(POLICIES):
         runs = found[k * given.seeds : (k + 1) * given.seeds]
-        texts = (
-            policy,
-            f"{sum(np.isfinite(r.arrival) for r in runs)}/{len(runs)}",
-            spread((r.arrival for r in runs), 1),
-            spread((r.peak(0, PUSH_TIME) for r in runs), 1),
-            spread((r.peak(PUSH_TIME, PUSH_END + 1) for r in runs), 1),
-            spread((r.hard(MAX_FORCE) for r in runs), 2),
-            spread(r.changes for r in runs),
+        rows.append(
+            (
+                NAMES[policy],
+                count(np.isfinite(r.arrival) for r in runs),
+                spread((r.arrival for r in runs), 1),
+                spread((r.peak(0, PUSH_TIME) for r in runs), 1),
+                spread((r.peak(PUSH_TIME, PUSH_END + 1) for r in runs), 1),
+                spread((r.hard(MAX_FORCE) for r in runs), 2),
+                spread(r.changes_before_touch for r in runs),
+                spread((r.jump for r in runs), 1),
+            )
         )
-        print(" ".join(f"{text:{width}}" for text, width in zip(texts, widths)), spread((r.jump for r in runs), 2))
+    heads = (
+        "controller",
+        f"at goal before {PUSH_TIME:g} s",
+        "time [s]",
+        "largest force before [N]",
+        "largest force of the push [N]",
+        f"above {MAX_FORCE:g} N [s]",
+        "changes of the stage before it touches",
+        "largest change of a torque then [N m]",
+    )
+    report(given, heads, rows)
     draw(found[-given.seeds], given.out / "planar_arm.png")
     if not given.no_animation:
         arm = PlanarArm(0)

@@ -1,5 +1,6 @@
 """The simulated biped: its kinematics, its plan, what it feels, and short versions of its experiments."""
 
+import importlib
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,18 +12,75 @@ for package in ("mujoco", "tqdm", "PIL", "matplotlib", "qpsolvers"):
 pytestmark = pytest.mark.usefixtures("scripts")
 
 
-def test_each_table_has_a_place_in_the_page():
+def test_each_table_has_a_place_in_its_page():
     """``--write`` replaces what is between two marks."""
-    from experiment import PAGE, ROOT
+    from experiment import ARM_PAGE, PAGE, ROOT
 
-    page = PAGE.read_text("utf-8")
-    scripts = [
-        path.name for path in (ROOT / "examples/control").glob("*.py") if "report(given," in path.read_text("utf-8")
-    ]
+    pages = {page: page.read_text("utf-8") for page in (PAGE, ARM_PAGE)}
+    scripts = {path.name: path.read_text("utf-8") for path in (ROOT / "examples/control").glob("*.py")}
+    scripts = {name: text for name, text in scripts.items() if "report(given," in text}
     assert len(scripts) > 5
-    for name in scripts:
+    for name, text in scripts.items():
+        page = pages[ARM_PAGE if "page=ARM_PAGE" in text else PAGE]
         before, found, after = page.partition(f"<!-- begin of the table of {name} -->\n")
         assert found and after.lstrip().startswith("|") and f"<!-- end of the table of {name} -->\n" in after, name
+
+
+@pytest.mark.parametrize(
+    ("script", "words", "problem"),
+    [
+        ("landing", "--seeds 0", "--seeds: '0' is not a whole number of at least 1"),
+        ("wrenches", "--seeds 0", "--seeds: '0' is not a whole number of at least 1"),
+        ("balance", "--jobs -1", "--jobs: '-1' is not a whole number of at least 1"),
+        ("faults", "--steps 0", "--steps: '0' is not a whole number of at least 1"),
+        ("g1_landing", "--steps 1.5", "--steps: '1.5' is not a whole number of at least 1"),
+        ("beam", "--width -0.1", "--width: '-0.1' is not a number above 0"),
+        ("landing", "--speed nan", "--speed: 'nan' is not a number above 0"),
+        ("footholds", "--out {file}/out", "--out: cannot write to the folder {file}/out: Not a directory"),
+        ("g1", "--urdf {file}", "--urdf: {file} is not an XML file"),
+        ("g1", "--urdf {other}", "--urdf: {other} is not the URDF of a G1: it has no link 'left_ankle_roll_link'"),
+        ("g1_arm", "--urdf {file}.urdf", "--urdf: cannot read {file}.urdf: No such file"),
+        ("faults", "--no-animation", "unrecognized arguments: --no-animation"),
+        ("g1", "--no-animation", "unrecognized arguments: --no-animation"),
+    ],
+)
+def test_bad_option_is_one_message(script, words, problem, tmp_path, monkeypatch, capsys):
+    """The exit code is 2, and nothing is simulated."""
+    file, other = tmp_path / "file", tmp_path / "other.urdf"
+    file.write_text("no XML")
+    other.write_text("<robot name='other'><link name='pelvis'/></robot>")
+    names = {"file": file, "other": other}
+    monkeypatch.setattr("sys.argv", [f"{script}.py", *words.format(**names).split()])
+    module = importlib.import_module(script)
+    monkeypatch.setattr(module, "run_all", lambda *_: pytest.fail("the experiment runs"))
+    with pytest.raises(SystemExit) as ended:
+        module.main()
+    assert ended.value.code == 2 and problem.format(**names) in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("bears", [0.5, 3.2, 7.9, 10.6, 20.0, 33.3])
+def test_search_finds_the_largest_push_however_large_it_is(bears):
+    from balance import largest_push
+
+    found = largest_push(lambda impulse: impulse <= bears, first=8.0, resolution=1.0)
+    assert found <= bears < found + 1
+
+
+def test_landing_is_on_the_obstacle_with_the_whole_sole_or_not_at_all():
+    """Places that the steps lead to, moved by up to 2 cm; a fifth step would meet a part of it."""
+    from estimator import SOLE_CENTRE
+    from landing import OBSTACLE_STEPS, STEP, WIDTH, Impact
+    from walker import forward_steps
+
+    def meets(steps, off=(0.0, 0.0)):
+        at = (np.append(step.centre + off, 0.0) - SOLE_CENTRE for step in forward_steps(steps, STEP, WIDTH))
+        landings = [Impact(100.0, 0.3, 0.8, place) for place in at]
+        return [i.is_on_obstacle for i in landings], [i.is_whole for i in landings]
+
+    for off in np.random.default_rng(4).uniform(-0.02, 0.02, (20, 2)):
+        assert meets(OBSTACLE_STEPS, off) == ([False, False, True, False],) * 2
+    on, whole = meets(OBSTACLE_STEPS + 1)
+    assert on[4] and not whole[4]
 
 
 def test_angles_of_the_legs_agree_with_the_simulator():
@@ -216,6 +274,22 @@ def test_proximity_softens_the_landing():
     assert stands and stands_too and len(hard) == len(soft) == 2
     assert max(i.force for i in soft) < min(i.force for i in hard) / 4
     assert np.mean([i.time for i in soft]) < np.mean([i.time for i in hard]) + 0.02
+
+
+@pytest.mark.slow
+def test_landings_on_the_obstacle_are_judged_apart():
+    """The third of four landings; the foot meets it about as fast as the floor, and softly with proximity."""
+    from landing import OBSTACLE_STEPS, Case, by_place, run
+
+    results = {
+        (ground, near): [run(Case(ground, near, OBSTACLE_STEPS, 0.4, 1))] if ground == "obstacle" else []
+        for ground in ("flat", "obstacle")
+        for near in (False, True)
+    }
+    places = by_place(results)
+    (hard,), (soft,) = (places["on the obstacle", near] for near in (False, True))
+    assert len(places["floor next to the obstacle", False]) == OBSTACLE_STEPS - 1
+    assert hard.is_whole and soft.is_whole and 0.3 < hard.speed < 0.5 and soft.force < hard.force / 4
 
 
 @pytest.mark.slow
