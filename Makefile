@@ -19,7 +19,7 @@ demo: $(READY)  ## the main job on the sample: a calibration, a picture, a summa
 test: $(READY)  ## the quick tests: they cover every module
 	$(PYTEST) -m "not slow and not window"
 
-check: $(READY) docs  ## lint, types, words, the extension, the documentation, all tests, those in a Blender window too
+check: $(READY) $(VENV)/control-ready docs  ## lint, types, words, the extension, the documentation, all tests, those in a Blender window too
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy

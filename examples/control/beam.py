@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import Biped
+from charts import ASSUMED, draw_walks
 from experiment import arguments, film_both, positive, report, run_all, stands_and_steps, whole
 from shapes import FORWARD
 from walker import OTHER, Gait, Step, Walker, walk
@@ -81,11 +82,11 @@ def main() -> None:
         runs = found[k * given.seeds : (k + 1) * given.seeds]
         rows.append((assumed, *stands_and_steps(runs)))
     report(given, ("assumed", "stands", f"steps of {given.steps}"), rows)
+    films = [
+        lambda each, feels=feels: run(Case(feels, given.width, min(given.steps, 8), 0), each) for feels in (False, True)
+    ]
+    draw_walks(dict(zip(ASSUMED, films)), given.out / "beam.png")
     if not given.no_animation:
-        films = [
-            lambda each, feels=feels: run(Case(feels, given.width, min(given.steps, 8), 0), each)
-            for feels in (False, True)
-        ]
         film_both(films, given.out / "beam.gif", azimuth=60)
 
 

@@ -1,7 +1,9 @@
 """A small humanoid with skin on its soles and one forearm, simulated by MuJoCo, and what its sensors deliver.
 
 Twelve joints in the legs, seven in one arm. The shapes are primitive; the skins are calibrations of our own fits, and
-their touch sensors are those of ``skin-calib export --to mjcf``. A controller gets a :class:`Senses` in each cycle:
+come into the model by ``write_mjcf``, as of ``skin-calib export --to mjcf``. The pad below each taxel becomes a sphere,
+and the reading of the taxel is the sum of the normal forces on it. The exported touch sensors are not read here: those
+of the soles are deleted. Only ``arm.py`` reads those of the forearm. A controller gets a :class:`Senses` in each cycle:
 joints, inertial unit and the readings of the skins, with 12 bits, noise and latency. It never sees the simulator.
 """
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import Biped
+from charts import ASSUMED, draw_walks
 from experiment import arguments, film_both, report, run_all, spread, stands_and_steps
 from foothold import full_sole
 from shapes import HALF_SIZE
@@ -114,8 +115,9 @@ def main() -> None:
         "area that is felt [%]",
     )
     report(given, heads, rows)
+    films = [lambda each, feels=feels: run(Case("front half", feels, 0), each) for feels in (False, True)]
+    draw_walks(dict(zip(ASSUMED, films)), given.out / "footholds.png")
     if not given.no_animation:
-        films = [lambda each, feels=feels: run(Case("front half", feels, 0), each) for feels in (False, True)]
         film_both(films, given.out / "footholds.gif", azimuth=100, distance=1.9)
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import FEET, FLAT, SIDE, Biped
+from charts import draw_walks
 from estimator import SOLE_CENTRE, State
 from experiment import arguments, count, film_both, report, run_all, spread, stands_and_steps
 from foothold import full_sole
@@ -124,12 +125,12 @@ class Rule:
         return np.array(min(((back, 0.0), (ahead, 0.0), (0.0, outward)), key=np.linalg.norm))
 
 
-def run(case: Case, each: Callable[[Biped], None] | None = None) -> Result:
+def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Result:
     """Walk."""
     robot = Biped(FLAT + OBSTACLES[case.obstacle], case.seed)
     rule = Rule(robot) if case.feels else None
     walker = Walker(robot, forward_steps(STEPS, STEP, WIDTH), GAIT, feels=case.feels, avoid=rule)
-    stands = walk(robot, walker, 30.0, each=each or (lambda robot: None))
+    stands = walk(robot, walker, 30.0, each=lambda robot: each(robot, walker) if each else None)
     # The first step of the right foot is on flat ground, the second one on the obstacle.
     area = rule.areas["right"][1] if rule and len(rule.areas["right"]) > 1 else np.nan
     return Result(stands, len(walker.log.landings), tuple(row["foot"] for row in walker.log.retracted), area)
@@ -158,10 +159,11 @@ def main() -> None:
         "thesis, with skin",
     )
     report(given, heads, rows)
+    films = [
+        lambda each, feels=feels: run(Case("small block in the middle", feels, 0), each) for feels in (False, True)
+    ]
+    draw_walks(dict(zip(("without the skin", "with the skin"), films)), given.out / "replanning.png")
     if not given.no_animation:
-        films = [
-            lambda each, feels=feels: run(Case("small block in the middle", feels, 0), each) for feels in (False, True)
-        ]
         film_both(films, given.out / "replanning.gif", azimuth=100, distance=1.9, every=2)
 
 

@@ -190,7 +190,8 @@ class Walker:
         # The ZMP of the plan moves the DCM on. Below the DCM it keeps it where it is while the plan is held.
         planned = reference.dcm if is_held else reference.zmp
         wanted = desired_zmp(planned, reference.dcm, dcm, self.gains.dcm, self.omega)
-        wanted = self._supporting(state).closest(wanted)
+        support = self._supporting(state)
+        wanted = support.closest(wanted)
         zmp = state.felt.zmp
         if zmp is not None:
             velocity = velocity + com_velocity_command(
@@ -209,6 +210,7 @@ class Walker:
                 "zmp_skin": UNKNOWN if state.skin.zmp is None else state.skin.zmp,
                 "zmp_ankle": UNKNOWN if state.ankle.zmp is None else state.ankle.zmp,
                 "wanted": wanted,
+                "limits": support.bounds,
                 "reference": reference.zmp,
                 "dcm": dcm,
                 "dcm_reference": reference.dcm,

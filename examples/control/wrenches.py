@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import Biped
+from charts import draw_walks
 from estimator import State
 from experiment import arguments, count, film_both, report, run_all, spread
 from shapes import FORWARD
@@ -105,8 +106,9 @@ def main() -> None:
         "ZMP off by [mm]",
     )
     report(given, heads, rows)
+    films = [lambda each, cone=cone: run(Case(cone, 0), each) for cone in cones]
+    draw_walks(dict(zip(("cone of the full sole", "cone of the felt polygon"), films)), given.out / "wrenches.png")
     if not given.no_animation:
-        films = [lambda each, cone=cone: run(Case(cone, 0), each) for cone in cones]
         film_both(films, given.out / "wrenches.gif", azimuth=-60, distance=1.6)
 
 

@@ -248,6 +248,28 @@ def test_step_leaves_an_obstacle_by_the_shortest_shift():
     np.testing.assert_allclose(toe, (0.05 - CLEARANCE - HALF_SIZE[0], 0.0))
 
 
+def test_chart_has_zmp_and_dcm_of_each_walk(tmp_path):
+    """Two robots that stand for a few cycles."""
+    from biped import Biped
+    from charts import LINES, draw_walks
+    from walker import Walker
+
+    walkers = []
+
+    def stand(each):
+        robot = Biped(proximity=False)
+        walkers.append(Walker(robot, []))
+        for _ in range(3):
+            robot.step(*walkers[-1].cycle(robot.senses()))
+            each(robot, walkers[-1])
+
+    draw_walks({"one": stand, "other": stand}, tmp_path / "chart.png")
+    assert (tmp_path / "chart.png").stat().st_size > 10_000 and len(walkers) == 2
+    row = walkers[0].log.rows[-1]
+    low, high = row["limits"]
+    assert (low <= row["wanted"]).all() and (row["wanted"] <= high).all() and all(key in row for key, *_ in LINES)
+
+
 @pytest.mark.slow
 def test_standing_robot_feels_its_zmp_and_its_weight():
     from biped import Biped
@@ -393,16 +415,25 @@ def test_estimated_feet_stay_where_they_stand():
         assert np.abs(sole - body.xpos - body.xmat.reshape(3, 3) @ SOLE_CENTRE)[:2].max() < 0.002
 
 
-@pytest.mark.slow
-def test_g1_lands_softly_by_the_distances_below_its_feet(tmp_path):
-    """It stands after two steps in place, with less than a tenth of the impact, and not later."""
+@pytest.fixture
+def g1_feet(scripts, tmp_path_factory):
+    """The folder with the skins proposed for the feet of the G1, made once for all tests."""
     from g1 import URDF, propose
-    from g1_landing import Case, run
 
     if not URDF.exists():
         pytest.skip(f"no real robot here: {URDF} is missing")
-    propose(URDF, tmp_path)
-    (stands, soft), (_, hard) = (run(Case(URDF, tmp_path, near, 2, 0.4, 0)) for near in (True, False))
+    folder = tmp_path_factory.getbasetemp() / "g1_feet"
+    propose(URDF, folder)
+    return folder
+
+
+@pytest.mark.slow
+def test_g1_lands_softly_by_the_distances_below_its_feet(g1_feet):
+    """It stands after two steps in place, with less than a tenth of the impact, and not later."""
+    from g1 import URDF
+    from g1_landing import Case, run
+
+    (stands, soft), (_, hard) = (run(Case(URDF, g1_feet, near, 2, 0.4, 0)) for near in (True, False))
     assert stands and len(soft) == 2
     assert max(i.force for i in soft) < min(i.force for i in hard) / 10
     assert max(i.time for i in soft) < min(i.time for i in hard) + 0.02
@@ -424,14 +455,11 @@ def test_g1_forearm_yields_to_a_contact_and_shrinks_back_before_one(tmp_path):
 
 
 @pytest.mark.slow
-def test_g1_keeps_its_balance_by_the_skin_that_was_proposed_for_its_feet(tmp_path):
+def test_g1_keeps_its_balance_by_the_skin_that_was_proposed_for_its_feet(g1_feet):
     """A push of 12 N s from behind; the ZMP of the skin agrees with the true one."""
-    from g1 import URDF, Case, propose, push
+    from g1 import URDF, Case, push
 
-    if not URDF.exists():
-        pytest.skip(f"no real robot here: {URDF} is missing")
-    propose(URDF, tmp_path)
-    stands, zmps = push(Case(URDF, tmp_path, "skin", 0), 12.0)
+    stands, zmps = push(Case(URDF, g1_feet, "skin", 0), 12.0)
     off = np.linalg.norm(zmps[:, 0] - zmps[:, 2], axis=1)
     assert stands and np.ptp(zmps[:, 2, 0]) > 0.03
     assert off.mean() < 0.004 and np.percentile(off, 95) < 0.008
