@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import Biped
-from charts import ASSUMED, draw_walks
+from diagrams import ASSUMED, draw_walks
 from experiment import arguments, film_both, positive, report, run_all, stands_and_steps, whole
 from shapes import FORWARD
 from walker import OTHER, Gait, Step, Walker, walk

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import Biped
-from charts import ASSUMED, draw_walks
+from diagrams import ASSUMED, draw_walks
 from experiment import arguments, film_both, report, run_all, spread, stands_and_steps
 from foothold import full_sole
 from shapes import HALF_SIZE

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import FEET, FLAT, SIDE, Biped
-from charts import draw_walks
+from diagrams import draw_walks
 from estimator import SOLE_CENTRE, State
 from experiment import arguments, count, film_both, report, run_all, spread, stands_and_steps
 from foothold import full_sole

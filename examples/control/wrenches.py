@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import Biped
-from charts import draw_walks
+from diagrams import draw_walks
 from estimator import State
 from experiment import arguments, count, film_both, report, run_all, spread
 from shapes import FORWARD

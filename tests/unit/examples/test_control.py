@@ -248,10 +248,10 @@ def test_step_leaves_an_obstacle_by_the_shortest_shift():
     np.testing.assert_allclose(toe, (0.05 - CLEARANCE - HALF_SIZE[0], 0.0))
 
 
-def test_chart_has_zmp_and_dcm_of_each_walk(tmp_path):
+def test_diagram_has_zmp_and_dcm_of_each_walk(tmp_path):
     """Two robots that stand for a few cycles."""
     from biped import Biped
-    from charts import LINES, draw_walks
+    from diagrams import LINES, draw_walks
     from walker import Walker
 
     walkers = []
@@ -263,8 +263,8 @@ def test_chart_has_zmp_and_dcm_of_each_walk(tmp_path):
             robot.step(*walkers[-1].cycle(robot.senses()))
             each(robot, walkers[-1])
 
-    draw_walks({"one": stand, "other": stand}, tmp_path / "chart.png")
-    assert (tmp_path / "chart.png").stat().st_size > 10_000 and len(walkers) == 2
+    draw_walks({"one": stand, "other": stand}, tmp_path / "diagram.png")
+    assert (tmp_path / "diagram.png").stat().st_size > 10_000 and len(walkers) == 2
     row = walkers[0].log.rows[-1]
     low, high = row["limits"]
     assert (low <= row["wanted"]).all() and (row["wanted"] <= high).all() and all(key in row for key, *_ in LINES)
