@@ -1,4 +1,4 @@
-"""Charts of ZMP and DCM over time."""
+"""Diagrams of ZMP and DCM over time."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
