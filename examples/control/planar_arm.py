@@ -438,7 +438,7 @@ def main() -> None:
         "largest force of the push [N]",
         f"above {MAX_FORCE:g} N [s]",
         "changes of the stage before it touches",
-        "largest change of a torque then [N m]",
+        "largest step of a torque at a change [N m]",
     )
     report(given, heads, rows)
     draw(found[-given.seeds], given.out / "planar_arm.png")
