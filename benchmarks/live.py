@@ -101,6 +101,12 @@ def number(plan, k):
     plan.grid.n = 6 + k
 
 
+def many(plan, k):
+    """Change the number of many planes, with automatic spacing."""
+    plan.grid.spacing = "auto"
+    plan.grid.n = 40 + 5 * k
+
+
 def even(plan, k):
     """Change the number of planes, with uniform spacing."""
     plan.grid.spacing = "uniform"
@@ -121,6 +127,7 @@ CHANGES = {
     "rows of the sheet": rows,
     "direction of the sheet": direction,
     "u-planes, spacing auto": number,
+    "40 to 95 u-planes, auto": many,
     "u-planes, spacing uniform": even,
     "the same with the error": even,
     "the same with uncertainty": even,

@@ -135,6 +135,21 @@ def test_fine_sheet_is_interpolated_in_the_preview_and_exact_in_the_file(
     assert out.read_bytes() == fit_plainly(plan_file(skins=[fine]))
 
 
+def test_many_planes_have_a_coarse_preview_and_an_exact_fit(bpy, updates, following, monkeypatch):
+    """The automatic spacing of many planes takes long: only the fit that follows has it exactly."""
+    plan = following.skin_calib
+    plan.grid.spacing = "auto"
+    for n, is_coarse in ((24, False), (25, True)):
+        plan.grid.n = n
+        look(updates)
+        report = updates.reports[following.name]
+        assert report.refusal is None and report.coarse == is_coarse
+    rest(updates, monkeypatch)
+    followed = plan.result.mean
+    bpy.ops.skin_calib.fit()
+    assert plan.result.mean == followed
+
+
 def test_large_mesh_has_a_coarse_preview_and_an_exact_fit(bpy, updates, preview, following, monkeypatch):
     """The status says so; where only the exact surface can be fitted, the preview has this one."""
     fits, plan = [], following.skin_calib

@@ -13,6 +13,7 @@ from ...common.errors import SkinCalibError
 from ...common.file_hash import file_hash
 from ...common.warnings import Warning
 from ...geometry import SurfaceFit, cut_cover, fit_grid
+from ...geometry.grid.grids import Grid, Size
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline.place_skins import Draft, PlacedSkin, place_all
 from ...pipeline.sources import taxel_files
@@ -27,6 +28,8 @@ from .sketch import HandPlanes, Sketch, sketch_of
 # [1] faces of a mesh up to which a preview fits as exactly as the complete fit. Larger: more previews are exact, and
 # take longer.
 MAX_EXACT_FACES = 50_000
+# [1] planes of a grid up to which it does. With twice as many the spacing "auto" takes four times as long.
+MAX_EXACT_PLANES = 24
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class PreviewReport:
     mean: float = 0.0  # distance along the rays of the fit [m]
     seconds: float = 0.0  # from the change to the preview [s]
     interpolated: bool = False  # whether cells are between others that have been placed
-    coarse: bool = False  # whether a surface over a large mesh was fitted fast and not exactly
+    coarse: bool = False  # whether a surface with a large mesh or grid was fitted fast and not exactly
     refusal: Warning | None = None  # why there is no preview or fit; the other values are then invalid
 
     @property
@@ -119,7 +122,9 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
         fits = {surface.name: _fit(cache, mesh, plan, surface, coarse) for surface in plan.surfaces}
         return fits, cache.step("placed", (fits, (skins, judged)), _same_fits, lambda: place_all(plan, fits, draft))
 
-    coarse = len(mesh.faces) > MAX_EXACT_FACES
+    sizes = [surface.grid.size for surface in plan.surfaces if isinstance(surface.grid, Grid)]
+    planes = max((size.n for size in sizes if isinstance(size, Size)), default=0)
+    coarse = len(mesh.faces) > MAX_EXACT_FACES or planes > MAX_EXACT_PLANES
     try:
         try:
             fits, placed = placed_on(coarse)
