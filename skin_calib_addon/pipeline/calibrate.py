@@ -241,7 +241,7 @@ def warnings_of(fits: Mapping[str, SurfaceFit], placed: tuple[PlacedSkin, ...]) 
 
 def _naming(names: list[str], warning: Warning) -> Warning:
     """Return a warning about one or more surfaces with their names at the start of its message."""
-    message = f"surface{'s' * (len(names) > 1)} {listed([repr(name) for name in names])}: {warning.message}"
+    message = f"Surface{'s' * (len(names) > 1)} {listed([repr(name) for name in names])}: {warning.message}"
     return replace(warning, message=message, where=replace(warning.where, surface=names[0]))
 
 

@@ -57,7 +57,7 @@ def naming_surface(plan: Plan, name: str) -> Iterator[None]:
         yield
     except SkinCalibError as error:
         if len(plan.surfaces) > 1:
-            error.args = (f"surface {name!r}: {error}",)
+            error.args = (f"Surface {name!r}: {error}",)
             error.numbers["surface"] = name
         raise
 

@@ -64,13 +64,13 @@ def test_command_line_and_runtime_know_all_surfaces(tmp_path, capsys):
 def test_warnings_and_errors_name_their_surface():
     """A surface that cannot be fitted, and one with a warning, are named; with one surface nothing changes."""
     narrow = BACK | {"grid": BACK["grid"] | {"margin": 0.2}}
-    with pytest.raises(SkinCalibError, match="surface 'back': "):
+    with pytest.raises(SkinCalibError, match="Surface 'back': "):
         calibrate(plan_from(TWO | {"surfaces": [FRONT, narrow]}), MESH)
     coarse = {"name": "back", "grid": SECTOR | {"n": 4, "lines": 4, "from": 0.8, "to": 5.5}, "max_deviation": 0.003}
     found = calibrate(plan_from(TWO | {"surfaces": [FRONT, coarse], "skins": []}), MESH).calibration.warnings
-    assert found and all(warning.message.startswith("surface 'back': ") for warning in found)
+    assert found and all(warning.message.startswith("Surface 'back': ") for warning in found)
     (alone,) = (plan_from(PLAN | {"surfaces": [coarse], "skins": []}),)
-    assert not calibrate(alone, MESH).calibration.warnings[0].message.startswith("surface")
+    assert not calibrate(alone, MESH).calibration.warnings[0].message.startswith("Surface")
 
 
 def test_what_is_wrong_with_the_mesh_is_one_warning_that_names_all_surfaces():
@@ -79,7 +79,7 @@ def test_what_is_wrong_with_the_mesh_is_one_warning_that_names_all_surfaces():
     vertices[np.linalg.norm(vertices - (RADIUS, 0, 0.1), axis=1).argmin()] *= (1.1, 1.1, 1)
     found = calibrate(plan_from(TWO), TriangleMesh(vertices, MESH.faces)).calibration.warnings
     (warning,) = (w for w in found if w.code == "outlier-vertices")
-    assert warning.message.startswith("surfaces 'front', 'back': One vertex of the mesh stands off")
+    assert warning.message.startswith("Surfaces 'front', 'back': One vertex of the mesh stands off")
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_what_is_wrong_with_the_mesh_is_one_warning_that_names_all_surfaces():
         ({"surfaces": [FRONT, FRONT]}, "Two surfaces have the name 'front'"),
         ({"skins": [SPINE | {"surface": "bakc"}]}, "'spine' is on surface 'bakc', which the plan does not have.*back"),
         ({"surfaces": [FRONT | {"grid": FRONT["grid"] | {"axis": {**AXIS, "direction": [0, 0, 0]}}}, BACK]},
-         "surface 'front': The direction of the axis is zero"),
+         "Surface 'front': The direction of the axis is zero"),
     ],
 )  # fmt: skip
 def test_contradictions_are_refused(changes, message):
