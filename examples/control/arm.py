@@ -10,6 +10,7 @@ readings of force, proximity and temperature.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,8 @@ PAIN = 10.0, 5.0, 0.5  # of the pressure-driven force: on and off [N, N], time b
 REPULSION = 1e6  # per area of skin with a sensor [N/m^3]: one taxel of nine has one
 HOT, HEAT_LIMIT, HEAT_GAIN, AIR = 180.0, 31.0, 400.0, 22.0  # burner, limit [degC], gain [N/(K m^2)], air [degC]
 HEAT_TIME, HEAT_STEP, HEAT_NOISE = 0.3, 0.25, 0.1  # of the temperature sensors: delay [s], resolution, noise [K]
+# Colours of a pad at the temperature of the air and at that of the last value, in the animation [rgba, rgba, degC].
+COLD_PAD, HOT_PAD, SHOWN_HOT = np.array((0.1, 0.6, 0.3, 1.0)), np.array((1.0, 0.1, 0.05, 1.0)), 60.0
 SMALL, BALL, PRESSED = 0.006, 0.05, 0.13  # radius of a ball of the probes, of the obstacle, place of the probes [m]
 TITLES = {
     "contacts": "two contacts, each moves 6 cm inward",
@@ -198,9 +201,20 @@ class Arm:
     # The truth, and the experimenter's hands, which are not for a controller.
 
     @property
+    def heat(self) -> Array:
+        """True temperatures (n,) of the taxels [degC]."""
+        return self._heat
+
+    @property
     def hottest(self) -> float:
         """Largest true temperature of a taxel [degC]."""
         return float(self._heat.max())
+
+    @property
+    def pads(self) -> Array:
+        """Geoms (n,) of the pads below the taxels, in their order."""
+        body = self.model.body(f"{self.robot.prefix}{self.robot.link}/{self.robot.link}")
+        return body.geomadr[0] + np.arange(body.geomnum[0])
 
     @property
     def hand(self) -> Array:
@@ -437,16 +451,18 @@ def run(
 
 
 class View(Camera):
-    """From the side of the arm."""
+    """From the side of the arm and a little below it; the colour of each pad is the temperature of its taxel."""
 
     def __init__(self, arm: Arm):
-        super().__init__(arm, azimuth=-115.0, distance=1.3)
-        self.view.lookat[:] = arm.data.body("wrist").xpos
+        super().__init__(arm, azimuth=-115.0, distance=0.75)
+        self.view.lookat[:], self.view.elevation = arm.data.body("wrist").xpos, 25
 
     def __call__(self, robot: Arm) -> None:
         """Take a frame if it is time for one."""
         if robot.data.time >= self.next:
             self.next += FRAME_TIME
+            part = np.clip((robot.heat - AIR) / (SHOWN_HOT - AIR), 0, 1)[:, None]
+            robot.model.geom_rgba[robot.pads] = (1 - part) * COLD_PAD + part * HOT_PAD
             self.renderer.update_scene(robot.data, self.view, self.options)
             self.frames.append(Image.fromarray(self.renderer.render()))
 
@@ -476,6 +492,20 @@ def draw(results: dict[tuple[str, str], list[Result]], path) -> None:
         ax.legend(fontsize=7)
         ax.set_ylim(bottom=20 if kind == "heat" else None)
     figure.savefig(path, dpi=110)
+
+
+def film(path: Path) -> None:
+    """Write an animation of the burner with seed 0: left the hand task only, right heat first."""
+    views: list[View] = []
+    for number, variant in enumerate(("hand only", "first")):
+
+        def look(arm: Arm, number: int = number) -> None:
+            if len(views) == number:
+                views.append(View(arm))
+            views[number](arm)
+
+        run(Case("heat", variant, 0), look)
+    side_by_side(*views, path, colours=256)  # few pads are hot
 
 
 def numbers(kind: str, runs: list[Result]) -> str:
@@ -527,12 +557,7 @@ def main() -> None:
     print(summary(results))
     draw(results, given.out / "arm.png")
     if not given.no_animation:
-        views = []
-        for variant in ("hand only", "first"):
-            case = Case("heat", variant, 0)
-            views.append(View(Arm(case)))
-            run(case, views[-1])
-        side_by_side(*views, given.out / "arm.gif", 2)
+        film(given.out / "arm.gif")
     print(f"diagram and animation in {given.out}")
 
 

@@ -20,6 +20,8 @@ OUT = ROOT / "out" / "control"
 PAGE, ARM_PAGE = (ROOT / "docs" / "explanation" / name for name in ("control.md", "arm.md"))
 FRAME_TIME = 0.1  # between the frames of an animation [s]
 SIZE = (360, 480)  # of an animation [pixel]
+COLOURS = 64  # of an animation. More: larger files, and small things keep their colours
+AMBIENT, DIFFUSE = 0.35, 0.5  # light of the camera, without which what it sees of a robot is mostly in the shade
 Array = np.ndarray
 
 
@@ -137,6 +139,7 @@ class Camera:
     """
 
     def __init__(self, robot: Biped, azimuth: float = 130.0, distance: float = 2.2):
+        robot.model.vis.headlight.ambient[:], robot.model.vis.headlight.diffuse[:] = AMBIENT, DIFFUSE
         self.renderer = mujoco.Renderer(robot.model, *SIZE)
         self.view, self.frames, self.next = mujoco.MjvCamera(), [], 0.0
         self.view.azimuth, self.view.elevation, self.view.distance = azimuth, -14, distance
@@ -152,12 +155,21 @@ class Camera:
             self.renderer.update_scene(robot.data, self.view, self.options)
             self.frames.append(Image.fromarray(self.renderer.render()))
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path, colours: int = COLOURS) -> None:
         """Write a GIF."""
         path.parent.mkdir(parents=True, exist_ok=True)
-        palette = self.frames[0].quantize(64)
+        palette = self._palette(colours)
         frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in self.frames]
         frames[0].save(path, save_all=True, append_images=frames[1:], duration=int(1e3 * FRAME_TIME), loop=0)
+
+    def _palette(self, colours: int) -> Image.Image:
+        """Return a picture with the colours of the whole animation: some appear after its first frame."""
+        some = self.frames[:: max(1, len(self.frames) // 8)]
+        width, height = some[0].size
+        joined = Image.new("RGB", (width, height * len(some)))
+        for k, frame in enumerate(some):
+            joined.paste(frame, (0, k * height))
+        return joined.quantize(colours)
 
 
 def film_both(
@@ -192,7 +204,7 @@ def film_both(
     side_by_side(*cameras, path, every)
 
 
-def side_by_side(left: Camera, right: Camera, path: Path, every: int = 1) -> None:
+def side_by_side(left: Camera, right: Camera, path: Path, every: int = 1, colours: int = COLOURS) -> None:
     """Write two animations as one, the shorter of which stands still at its end."""
     count = max(len(left.frames), len(right.frames))
     joined = Camera.__new__(Camera)
@@ -203,4 +215,4 @@ def side_by_side(left: Camera, right: Camera, path: Path, every: int = 1) -> Non
         picture.paste(pair[0], (0, 0))
         picture.paste(pair[1], (SIZE[1], 0))
         joined.frames.append(picture)
-    joined.save(path)
+    joined.save(path, colours)
