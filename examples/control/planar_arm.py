@@ -372,6 +372,8 @@ class View(Camera):
         super().__init__(arm)
         self.view.lookat[:] = (0.65, 0.55, 0)
         self.view.azimuth, self.view.elevation, self.view.distance = 90, -80, 2.3
+        light = arm.model.vis.headlight
+        light.ambient[:], light.diffuse[:] = 0.1, 0.4  # from above there is no shade, and the floor is bright
 
     def __call__(self, robot: PlanarArm) -> None:
         """Take a frame if it is time for one."""
