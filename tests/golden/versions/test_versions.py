@@ -70,10 +70,17 @@ def numbers(calibration):
             }.items()
         }
     if calibration.warnings:
-        found["warnings"] = _json([asdict(warning) for warning in calibration.warnings])
+        found["warnings"] = _json([_warning(warning) for warning in calibration.warnings])
     if calibration.modalities:
         found["modalities"] = _json([asdict(modality) for modality in calibration.modalities])
     return found
+
+
+def _warning(warning):
+    """Return what a file has of a warning; the name of the surface is in its message."""
+    document = asdict(warning)
+    assert document["where"].pop("surface") == ""
+    return document
 
 
 def _responses(calibration):
