@@ -16,16 +16,21 @@ from .on_link import OnLink
 MARGIN_STEP = 0.02
 
 
-class SKIN_OT_show_warning(OnLink, bpy.types.Operator):
-    """Mark the place of this warning, and move cursor and view there; again: remove the mark"""
+class OnWarning(OnLink):
+    """Works on a warning of the active link, or on the refusal of its last fit."""
 
-    bl_idname = "skin_calib.show_warning"
-    bl_label = "Show"
     bl_options = {"REGISTER", "UNDO"}
 
     index: bpy.props.IntProperty(
         name="Index", description="Which warning, from 0; -1: the refusal", **INDEX | {"min": REFUSAL}
     )
+
+
+class SKIN_OT_show_warning(OnWarning, bpy.types.Operator):
+    """Mark the place of this warning, and move cursor and view there; again: remove the mark"""
+
+    bl_idname = "skin_calib.show_warning"
+    bl_label = "Show"
 
     def execute(self, context):
         link = context.object
@@ -47,16 +52,11 @@ class SKIN_OT_show_warning(OnLink, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class SKIN_OT_take_advice(OnLink, bpy.types.Operator):
+class SKIN_OT_take_advice(OnWarning, bpy.types.Operator):
     """Show the surface of this warning in the panels, and do there what it advises"""
 
     bl_idname = "skin_calib.take_advice"
     bl_label = "Do What It Advises"
-    bl_options = {"REGISTER", "UNDO"}
-
-    index: bpy.props.IntProperty(
-        name="Index", description="Which warning, from 0; -1: the refusal", **INDEX | {"min": REFUSAL}
-    )
 
     def execute(self, context):
         plan, warning = context.object.skin_calib, warning_at(context.object, self.index)

@@ -30,21 +30,19 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
 
     def check(self, context):
         if self.at_mouse:  # a tool has no skin before the click
-            self.skin = next(iter(self.with_boards(context)), 0)
+            kinds = [skin.kind for skin in context.object.skin_calib.skins]
+            self.skin = kinds.index("hexagons") if "hexagons" in kinds else 0
         self.boards(context)
 
-    def with_boards(self, context):
-        """Return the indices of the skins with boards."""
-        return [i for i, skin in enumerate(context.object.skin_calib.skins) if skin.kind == "hexagons"]
-
     def nearest(self, context):
-        """Return the skin whose board is the nearest to the point."""
-        point, found = np.array(vector(self.point, metres_per_unit(context.scene))), {}
-        for i in self.with_boards(context):
-            self.skin = i
-            boards = self.boards(context)[1].positions_link
-            found[i] = np.linalg.norm(boards - point, axis=1).min(initial=np.inf)
-        return min(found, key=found.get)
+        """Return the skin of the last fit whose board is the nearest to the point; the present one without boards."""
+        point = np.array(vector(self.point, metres_per_unit(context.scene)))
+        distances = {
+            i: np.linalg.norm(patch.taxels.positions_link - point, axis=1).min()
+            for i, patch in enumerate(drawing.patches_of(context.object))
+            if patch.kind == "hexagons"
+        }
+        return min(distances, key=distances.get, default=self.skin)
 
     def begin(self, context):
         updates.accompany(context.object)

@@ -8,6 +8,8 @@ import bpy
 
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.properties.millimetres import shown
+from ..skin_calib_addon.blender.scene.plans import surface_names
+from ..skin_calib_addon.common.errors import counted
 
 # Characters in a line without a region, as in a background process.
 LINE_WIDTH = 34
@@ -87,6 +89,12 @@ class Step:
     def draw_plan(self, layout, plan):
         """Draw what it contains."""
         raise NotImplementedError
+
+
+def surfaces_figure(plan):
+    """Return the number of surfaces, as the key figure of steps that show one of several; empty for a single one."""
+    count = len(surface_names(plan))
+    return counted(count, "surface") if count > 1 else ""
 
 
 def serious_of(warnings):

@@ -6,7 +6,7 @@ import bpy
 from ..skin_calib_addon.blender.scene import cut_away
 from ..skin_calib_addon.blender.scene.plans import shown_index, surface_names
 from ..skin_calib_addon.common.errors import counted
-from .base import Step, button, draw_plane, is_narrow, what_is_wrong
+from .base import Step, button, draw_plane, is_narrow, surfaces_figure, what_is_wrong
 
 MAX_ROWS = 5  # of the list
 # A unit normal whose largest component is above this is along an axis.
@@ -41,11 +41,9 @@ class CutStep(Step):
     name = "cut"
 
     def figure(self, plan):
-        if len(surface_names(plan)) > 1:
-            return counted(len(surface_names(plan)), "surface")
         cuts = len(plan.cover.cuts)
         shell = plan.cover.bl_rna.properties["shell"].enum_items[plan.cover.shell].name
-        return f"{shell}, {counted(cuts, 'cut')}" if cuts else shell
+        return surfaces_figure(plan) or (f"{shell}, {counted(cuts, 'cut')}" if cuts else shell)
 
     def draw_plan(self, layout, plan):
         self.draw_surfaces(layout, plan)

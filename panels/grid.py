@@ -3,9 +3,8 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.scene.plans import record_of, surface_names
-from ..skin_calib_addon.common.errors import counted
-from .base import Step, button, buttons, draw_plane, field, more, show_text, what_is_wrong
+from ..skin_calib_addon.blender.scene.plans import record_of
+from .base import Step, button, buttons, draw_plane, field, more, show_text, surfaces_figure, what_is_wrong
 from .rows import draw_keys, draw_value, keys_in
 
 
@@ -24,9 +23,7 @@ class GridStep(Step):
     name = "grid"
 
     def figure(self, plan):
-        if len(surface_names(plan)) > 1:
-            return counted(len(surface_names(plan)), "surface")
-        return plan.grid.bl_rna.properties["kind"].enum_items[plan.grid.kind].name
+        return surfaces_figure(plan) or plan.grid.bl_rna.properties["kind"].enum_items[plan.grid.kind].name
 
     def draw_plan(self, layout, plan):
         grid = plan.grid

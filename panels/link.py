@@ -58,13 +58,13 @@ class MeshStep(Step):
     name = "mesh"
 
     def figure(self, plan):
-        if not plan.diagnosis.key or plan.diagnosis.outdated:
+        if not self.is_done(plan):
             return ""
         serious = serious_of(plan.diagnosis.findings)
         return counted(serious, "warning") if serious else "checked"
 
     def is_done(self, plan):
-        return True
+        return bool(plan.diagnosis.key) and not plan.diagnosis.outdated
 
     def has_warnings(self, plan):
         return serious_of(plan.diagnosis.findings) > 0

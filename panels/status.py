@@ -23,8 +23,8 @@ def state_of(link):
     result = plan.result
     if not plan.link:
         return "Enter the name of the link", "INFO"
-    if same_name(link):
-        return f"{same_name(link)} has the same link name", "ERROR"
+    if copy := same_name(link):
+        return f"{copy} has the same link name", "ERROR"
     if report and report.refusal:
         return "The fit is refused", "CANCEL"
     if report:

@@ -131,21 +131,22 @@ def test_advice_is_followed_on_the_surface_of_the_warning(bpy, two, extension):
     assert not plan.cover.cuts and plan.grid.auto_margin == ("margin" not in TUBE["grid"])
 
 
-def test_warnings_and_refusals_name_their_surface(bpy, two):
-    """Those of a fit, and of a refused one, as the status needs them for its button."""
-    plan = bpy.context.object.skin_calib
+def test_warnings_and_refusals_name_their_surface(bpy, two, extension):
+    """Those of a fit, and of a refused one, as the status needs them for its button; the panels show the other one."""
+    advice, plan = modules(extension, "live.advice").advice, bpy.context.object.skin_calib
     bpy.ops.skin_calib.surface_show(index=1)
-    plan.grid.start, plan.max_deviation = -2.9, 1.0
-    cut = plan.cover.cuts.add()
-    cut.point, cut.normal = (0, 0, 0.06), (0, 0.6, 0.8)
+    plan.grid.n, plan.grid.lines, plan.grid.start = 4, 4, -2.9
     bpy.ops.skin_calib.surface_show(index=0)
-    try:
+    bpy.ops.skin_calib.fit()
+    found = {w.surface for w in plan.result.warnings if w.code == "off-mesh"}
+    assert found == {"front"}
+    bpy.ops.skin_calib.surface_show(index=1)
+    plan.grid.start, plan.grid.stop = -3.1, 3.1
+    bpy.ops.skin_calib.surface_show(index=0)
+    with pytest.raises(RuntimeError, match="Surface 'front'"):
         bpy.ops.skin_calib.fit()
-        found = [w.surface for w in plan.result.warnings if not w.skin]
-    except RuntimeError:
-        shown = draw(bpy, "status")
-        found = ["front"] if any("'front'" in text for text in shown) else []
-    assert found and set(found) == {"front"}
+    assert advice.warning_at(plan.id_data, advice.REFUSAL).where.surface == "front"
+    assert draw(bpy, "status")[0] == "The fit is refused"
 
 
 def test_panels_show_the_surfaces(bpy, two):

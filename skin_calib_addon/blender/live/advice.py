@@ -39,9 +39,10 @@ class Subject:
     @classmethod
     def of(cls, warning: Warning, plan: Any) -> "Subject":
         """Return the surface that a warning names, or the one that the panels show."""
-        surface = other_surface(plan, index) if (index := hidden_surface(warning, plan)) is not None else None
-        if surface is None:
+        index = hidden_surface(warning, plan)
+        if index is None:
             return cls(plan.grid.kind, plan.grid.region, plan.cover.shell, plan.skins)
+        surface = other_surface(plan, index)
         return cls(*grid_kind(surface.grid), surface.cover.shell, plan.skins)
 
 

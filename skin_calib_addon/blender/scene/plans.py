@@ -4,6 +4,7 @@
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -148,7 +149,7 @@ def read_surfaces(settings: Any, metre: float) -> tuple[Surface, ...]:
     InvalidPlan
         If a value is beyond its limits; the message names it as the window does.
     """
-    kept = json.loads(settings.other_surfaces or "[null]")
+    kept = _kept(settings.other_surfaces)
     return tuple(_shown(settings, metre) if other is None else read_document(SURFACE, other) for other in kept)
 
 
@@ -167,7 +168,7 @@ def other_surface(settings: Any, index: int) -> Surface:
     Surface
         In metres in the link frame.
     """
-    return read_document(SURFACE, json.loads(settings.other_surfaces)[index])
+    return read_document(SURFACE, _kept(settings.other_surfaces)[index])
 
 
 def shown_surface(link: bpy.types.Object, scene: bpy.types.Scene) -> Surface:
@@ -195,13 +196,20 @@ def shown_surface(link: bpy.types.Object, scene: bpy.types.Scene) -> Surface:
 
 def shown_index(settings: Any) -> int:
     """Return which of the surfaces of a link its properties have, from 0."""
-    return json.loads(settings.other_surfaces or "[null]").index(None)
+    return _kept(settings.other_surfaces).index(None)
 
 
 def surface_names(settings: Any) -> list[str]:
     """Return the names of the surfaces of a link, in the order of the plan."""
-    kept = json.loads(settings.other_surfaces or "[null]")
+    kept = _kept(settings.other_surfaces)
     return [settings.surface_name if other is None else other["name"] for other in kept]
+
+
+@lru_cache(maxsize=4)  # panels ask for it several times in each redraw
+def _kept(text: str) -> list[Any]:
+    """Return the surfaces that a link keeps as JSON, with None for the one that its properties have."""
+    kept: list[Any] = json.loads(text or "[null]")
+    return kept
 
 
 def _shown(settings: Any, metre: float) -> Surface:

@@ -69,6 +69,7 @@ def test_warnings_and_errors_name_their_surface():
     coarse = {"name": "back", "grid": SECTOR | {"n": 4, "lines": 4, "from": 0.8, "to": 5.5}, "max_deviation": 0.003}
     found = calibrate(plan_from(TWO | {"surfaces": [FRONT, coarse], "skins": []}), MESH).calibration.warnings
     assert found and all(warning.message.startswith("Surface 'back': ") for warning in found)
+    assert {warning.where.surface for warning in found} == {"back"}
     (alone,) = (plan_from(PLAN | {"surfaces": [coarse], "skins": []}),)
     assert not calibrate(alone, MESH).calibration.warnings[0].message.startswith("Surface")
 
