@@ -129,6 +129,9 @@ def test_advice_is_followed_on_the_surface_of_the_warning(bpy, two, extension):
     assert_allclose(plan.cover.cuts[0].point, (0.04, 0.01, 0.06), atol=1e-6)
     bpy.ops.skin_calib.surface_show(index=0)
     assert not plan.cover.cuts and plan.grid.auto_margin == ("margin" not in TUBE["grid"])
+    plan.result.warnings[0].surface = "renamed"
+    assert not list(advice.offered(advice.warning_at(plan.id_data, 0), plan, 1.0))
+    assert bpy.ops.skin_calib.take_advice(index=0) == {"CANCELLED"}
 
 
 def test_warnings_and_refusals_name_their_surface(bpy, two, extension):

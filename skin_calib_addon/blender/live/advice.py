@@ -195,6 +195,8 @@ def offered(warning: Warning, plan: Any, metre: float) -> Iterator[tuple[Action,
     metre : float
         Length of a scene unit [m].
     """
+    if warning.where.surface not in ("", *surface_names(plan)):
+        return  # renamed or removed after the fit
     actions = ACTIONS.get(warning.code, ())
     on = Subject.of(warning, plan)
     for action in actions if isinstance(actions, tuple) else ():
