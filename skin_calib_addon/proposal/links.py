@@ -137,7 +137,7 @@ def _mesh_of(task: Task) -> TriangleMesh:
 def groups(tasks: Sequence[Task]) -> list[list[Task]]:
     """Return the tasks in groups with common work: a link of a robot, and those that are like it.
 
-    Those with the most faces come first, so that no process is still busy with one of them in the end. The tasks have
+    Those with the largest area come first, so that no process is still busy with one of them in the end. The tasks have
     the twins, so that no process finds them again.
     """
     found: dict[str, list[Task]] = {}
@@ -145,11 +145,12 @@ def groups(tasks: Sequence[Task]) -> list[list[Task]]:
         twins = robot_of(task.file).twins if is_urdf(task.file) else {}
         twin = twins.get(task.link)
         found.setdefault(task.link if twin is None else twin.link, []).append(replace(task, twins=twins))
-    return sorted(found.values(), key=lambda group: -sum(_face_count(task) for task in group))
+    return sorted(found.values(), key=lambda group: sum(map(_area, group)), reverse=True)
 
 
-def _face_count(task: Task) -> int:
-    return robot_of(task.file).face_counts.get(task.link, 0) if is_urdf(task.file) else 0
+def _area(task: Task) -> float:
+    mesh = robot_of(task.file).keep_out.meshes.get(task.link) if is_urdf(task.file) else None
+    return float(mesh.face_areas.sum()) if mesh else 0.0
 
 
 def propose_group(tasks: Sequence[Task]) -> list[Outcome]:
@@ -189,7 +190,6 @@ class WholeRobot:
 
     robot: Robot
     keep_out: KeepOut
-    face_counts: Mapping[str, int]
     proposals: dict[tuple[str, SkinChoice], Proposal]  # others may be like these links; grows
 
     @cached_property
@@ -207,8 +207,7 @@ def robot_of(urdf: Path) -> WholeRobot:
     """
     robot = read_robot(urdf)
     meshes = load_urdf_meshes(urdf, robot)[0]  # problems are reported for the link itself
-    face_counts = {link: len(mesh.faces) for link, mesh in meshes.items()}
-    return WholeRobot(robot, KeepOut(robot, meshes), face_counts, {})
+    return WholeRobot(robot, KeepOut(robot, meshes), {})
 
 
 def own_proposal(task: Task, begin: Callable[[str], None]) -> Proposal:

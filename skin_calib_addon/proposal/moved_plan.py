@@ -7,6 +7,7 @@ import numpy as np
 from ..common.arrays import Array
 from ..geometry.grid.axis import Axis
 from ..geometry.grid.grids import Across, Grid, Region, Sector, Tube, Vector, sector_frame
+from ..plan.document import without_axis_point
 from ..plan.plan import Plan, Surface
 from ..plan.skins import BoardSkin, SheetSkin, Skin
 from ..robot.mirrored import Twin
@@ -36,7 +37,8 @@ def moved_plan(plan: Plan, link: str, twin: Twin) -> Plan:
 
 def _moved_surface(surface: Surface, twin: Twin) -> Surface:
     assert not surface.cover.cuts and isinstance(surface.grid, Grid)
-    return replace(surface, grid=replace(surface.grid, region=moved_region(surface.grid.region, twin)))
+    grid = replace(surface.grid, region=moved_region(surface.grid.region, twin))
+    return replace(surface, grid=without_axis_point(grid))
 
 
 def moved_region(region: Region, twin: Twin) -> Region:

@@ -101,8 +101,8 @@ def load_urdf_meshes(urdf: Path, robot: Robot) -> tuple[dict[str, TriangleMesh],
 
 
 def _single_precision(urdf: Path, robot: Robot, link: str) -> TriangleMesh:
-    exact = load_link(urdf, robot, link)
-    mesh = weld(exact.vertices.astype(np.float32), exact.faces)
+    vertices, faces = _triangles(urdf, robot, link, "visual")
+    mesh = weld(vertices.astype(np.float32), faces)
     if not MIN_MESH_SIZE <= mesh.size <= MAX_MESH_SIZE:
         raise InvalidMesh(
             f"{link} has a diameter of {mesh.size:.4g} m in {urdf.name}. Correct the scale of its mesh in the URDF."
@@ -195,10 +195,15 @@ def load_link(urdf: Path, robot: Robot, link: str, use: str = "visual") -> Trian
     CalibrationFormatError
         If a scale or an origin does not have three numbers, or one that is too large.
     """
+    return weld(*_triangles(urdf, robot, link, use))
+
+
+def _triangles(urdf: Path, robot: Robot, link: str, use: str) -> tuple[Array, IntArray]:
+    """Return vertices [m] and faces of all meshes of a link for one use, in the link frame."""
     placed = [_placed(mesh, read_mesh(find_file(mesh.address, urdf))) for mesh in meshes_of(robot, link, use)]
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in placed)])
     faces = [faces + start for (_, faces), start in zip(placed, starts)]
-    return weld(np.concatenate([vertices for vertices, _ in placed]), np.concatenate(faces))
+    return np.concatenate([vertices for vertices, _ in placed]), np.concatenate(faces)
 
 
 def _placed(mesh: LinkMesh, raw: TriangleMesh) -> tuple[Array, IntArray]:

@@ -7,7 +7,9 @@ import trimesh
 from skin_calib_addon.calibration.file import load_calibration
 from skin_calib_addon.cli import main
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh, weld
-from skin_calib_addon.plan import load_plan
+from skin_calib_addon.plan import load_plan, plan_document, plan_from
+from skin_calib_addon.proposal.moved_plan import moved_plan
+from skin_calib_addon.robot.mirrored import Twin
 from tests.shapes import box
 
 MIRROR = np.array((1.0, -1.0, 1.0))
@@ -73,3 +75,16 @@ def test_link_with_another_joint_range_gets_its_own_plan(folder, tmp_path):
     assert main(["propose", str(folder / "other.urdf"), "-o", str(tmp_path), "--only", "*t"]) == 0
     right = load_plan(tmp_path / "right.plan.json")
     assert "mirror image" not in right.extra["x_proposal"][0]
+
+
+def test_moved_plan_is_what_its_file_gives():
+    """Also where the twin is shifted: across a face, only the direction of an axis counts."""
+    axis = {"point": [0, 0, 0], "direction": [1, 0, 0]}
+    grid = {"kind": "patch", "normal": [0, 0, 1], "axis": axis, "n": 6, "lines": 5}
+    surface = {"name": "palm", "cover": {"cuts": []}, "grid": grid}
+    document = {"format": "skin-plan", "version": 2, "link": "left", "mesh": "left.ply", "unit": "m", "skins": []}
+    plan = plan_from(document | {"surfaces": [surface]})
+    shift = np.diag((1.0, -1.0, 1.0, 1.0))
+    shift[:3, 3] = 1e-5, -2e-5, 3e-5
+    moved = moved_plan(plan, "right", Twin("left", shift, 0.0))
+    assert plan_from(plan_document(moved)) == moved
