@@ -22,7 +22,7 @@ class OverLinks(Waiting, WhileIdle):
     did = ""  # words before the number of links in the final report
 
     def chosen(self, context):
-        """Return the links to work on; an error if there are none."""
+        """Return the links to work on; report or raise why there are none."""
         raise NotImplementedError
 
     def task(self, context, link):
@@ -117,5 +117,6 @@ class OverLinks(Waiting, WhileIdle):
         if self.total == 1 and self.refusals:
             return self.refuse(self.refusals[0])
         refused = f"; refused: {len(self.refusals)}" if self.refusals else ""
-        self.report({"INFO"}, f"{self.did} {counted(self.done, 'link')}{refused}")
+        if self.total:
+            self.report({"INFO"}, f"{self.did} {counted(self.done, 'link')}{refused}")
         return {"FINISHED"}

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from ..skin_calib_addon.blender.live import updates
-from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans, robots, showing
+from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans, results, robots, showing, skins
 from ..skin_calib_addon.blender.scene.preferences import preferences
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import refusal_of
@@ -76,7 +76,7 @@ class OnLinks:
 
 
 class Propose(OverLinks):
-    """Proposes surfaces and skins, as ``skin-calib propose`` does, and stores them as the plan of the link."""
+    """Proposes surfaces and skins, as ``skin-calib propose`` does, stores them as the plan of the link, and fits it."""
 
     bl_options = {"REGISTER", "UNDO"}
 
@@ -88,32 +88,54 @@ class Propose(OverLinks):
         super().choose(context)
 
     def task(self, context, link):
-        facets, choice = link_meshes.read_facets(link, context), self.choice
+        facets, settings = link_meshes.read_facets(link, context), link.skin_calib
         file = robots.urdf_of(link) or Path(f"{link.name}.ply")  # read only if it is a robot
-        name = link.skin_calib.link
-        return lambda begin: propose_task(Task(file, "m", name, choice, facets.mesh()), begin)
+        task = Task(file, "m", settings.link, self.choice, facets.mesh())
+        mesh, channel = Path(settings.mesh_file or f"{link.name}.ply"), robots.next_channel(link, context.scene)
+        self.facets = facets
+
+        def compute(begin):
+            fitted = []
+
+            def fit(proposal):
+                if proposal.plan is None:
+                    return
+                plan = replace(numbered(proposal.plan, channel), mesh=mesh)
+                try:
+                    fitted.append((plan, results.fit(plan, task.mesh, begin, proposal.fits)))
+                except SkinCalibError as refused:
+                    fitted.append((plan, refused))
+
+            return propose_task(task, begin, fit), *fitted
+
+        return compute
 
     def store(self, context, link, result):
-        proposal, settings = result.proposal, link.skin_calib
+        outcome, *fitted = result
+        proposal, settings = outcome.proposal, link.skin_calib
         if proposal is None:
-            raise SkinCalibError(result.problem)
+            raise SkinCalibError(outcome.problem)
         if proposal.plan is None:
             raise InvalidPlan(proposal.reasons[-1])
-        plan = numbered(proposal.plan, robots.next_channel(link, context.scene))
-        plan = replace(plan, mesh=Path(settings.mesh_file or f"{link.name}.ply"))
+        ((plan, fit),) = fitted
         plans.check_numbers(plan, metres_per_unit(context.scene))
         plans.write_plan(link, context.scene, plan)
         settings.proposed, settings.refusal = proposal.taxels, ""
         settings.proposed_area = f"{proposal.cells * 1e4:.0f} of {proposal.free * 1e4:.0f} cm^2"
         settings.result.key = ""  # a fit of an earlier plan is not drawn
         updates.forget(link.name)
+        if isinstance(fit, SkinCalibError):
+            updates.refuse(link, refusal_of(fit))
+            self.report({"WARNING"}, f"{link.name}: the fit of the proposal is refused. {skins.in_window(fit)}")
+        else:
+            store_fit(context, link, (plan, self.facets), fit)
 
     def keep_reason(self, link, error):
         link.skin_calib.refusal = str(error)
 
 
 class SKIN_OT_propose(Propose, OnLink, bpy.types.Operator):
-    """Propose surfaces and skins for the active link; they replace its plan. Esc stops a long search"""
+    """Propose surfaces and skins for the active link, and fit them; they replace its plan. Esc stops a long search"""
 
     bl_idname = "skin_calib.propose"
     bl_label = "Propose"
@@ -123,7 +145,7 @@ class SKIN_OT_propose(Propose, OnLink, bpy.types.Operator):
 
 
 class SKIN_OT_propose_all(Propose, OnLinks, bpy.types.Operator):
-    """Propose surfaces and skins for all links that have no plan; Esc keeps what is finished"""
+    """Propose surfaces and skins for all links that have no plan, and fit them; Esc keeps what is finished"""
 
     bl_idname = "skin_calib.propose_all"
     bl_label = "Propose All"
@@ -150,7 +172,7 @@ class SKIN_OT_fit_all(OverLinks, OnLinks, bpy.types.Operator):
             raise InvalidPlan("No link has a skin. Use Propose All, or add skins to links.")
         links = [link for link in planned if robots.fit_of(link) is None]
         if not links:
-            raise InvalidPlan("All links with a plan are fitted.")
+            self.report({"INFO"}, "All links with a plan are fitted")
         return links
 
     def task(self, context, link):

@@ -29,8 +29,6 @@ def state_of(link):
         return "The fit is refused", "CANCEL"
     if report:
         return f"Preview: mean {report.mean * 1e3:.4f} mm on the rays, {report.seconds * 1e3:.0f} ms", "PLAY"
-    if not result.key and plan.proposed and plan.skins:
-        return f"{counted(plan.proposed, 'taxel')} on {plan.proposed_area} proposed: press Fit", "INFO"
     if not result.key:
         return "Not fitted: press Propose or Fit", "INFO"
     if result.outdated:

@@ -22,7 +22,8 @@ class Foothold:
     """The area of one sole that is not proven void.
 
     The pressed area is not the supporting area: right after a landing only an edge is pressed, and the rest still can
-    be. A cell has ground if it was pressed since the landing, and so have all cells in the hull of these. A plane
+    be. A cell is pressed if two frames in a row say so: noise alone makes single cells active now and then. It has
+    ground if it was pressed since the landing, and so have all cells in the hull of these. A plane
     through the forces of the cells with ground, zero where they are silent now, says towards which side the sole
     turns. A cell on this side is void if the plane expects a clear force on it, it is lower than the CoP, and it is
     silent in several frames. A silent cell that is higher can hover over the ground. A cell is void no longer once it
@@ -50,6 +51,7 @@ class Foothold:
 
     def lift(self) -> None:
         """Expect the next foothold to be like this one, until its cells are pressed."""
+        self.active = np.zeros(len(self.places), bool)  # in the last frame
         self.silent = np.zeros(len(self.places), int)  # frames in a row
         self.solid = np.zeros(len(self.places), bool)  # pressed since the landing
         self.inside = np.zeros(len(self.places), bool)  # the hull of these, which supports the foot
@@ -66,7 +68,7 @@ class Foothold:
         """
         if not frame.known.all() or frame.sets is None:
             return False
-        pressed = frame.sets.active
+        pressed, self.active = frame.sets.active & self.active, frame.sets.active
         if (pressed & ~self.solid & (self.silent > 0)).sum() > MAX_CONTRADICTIONS:
             self.silent[:] = 0
         if (pressed & ~self.solid).any():
@@ -75,7 +77,8 @@ class Foothold:
             has_area = len(normals) > 2
             self.inside = (self.places @ normals.T <= offsets + TOLERANCE).all(axis=1) if has_area else self.solid
         expected = np.zeros(len(pressed), bool)
-        if frame.load > MIN_LOAD and (self.places[self.solid].std(axis=0) > MIN_SPREAD).all():
+        ground = self.places[self.solid]
+        if frame.load > MIN_LOAD and len(ground) and (ground.std(axis=0) > MIN_SPREAD).all():
             terms = np.column_stack((np.ones(len(pressed)), self.places))
             plane, *_ = np.linalg.lstsq(terms[self.solid], frame.forces[self.solid], rcond=None)
             heights = self.places @ slope

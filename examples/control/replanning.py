@@ -21,17 +21,19 @@ from shapes import HALF_SIZE, PITCH
 from walker import Gait, Walker, forward_steps, walk
 
 from skin_calib_addon.runtime import convex_hull
+from skin_calib_addon.runtime.balance.foothold import must_replan, sidestep
 from skin_calib_addon.runtime.balance.polygon import Polygon
 
 STEP, WIDTH, STEPS = 0.15, 0.18, 5  # [m, m, 1]
 ONTO = 2  # index of the step onto the obstacle, of the right foot
 HEIGHT = 0.03  # of the obstacles [m]
 GAIT = Gait(single=0.9, double=0.6, hold=0.4)
-MIN_AREA = 0.8  # epsilon_A of the thesis: smaller parts of the sole near the ground are not safe
+MIN_AREA = 0.8  # epsilon_A of the thesis: parts of the sole near the ground up to this are not safe
 NEAR = 0.012  # a proximity sensor with less is above what the sole stands on [m]
 CELL = 0.015  # half the distance of the proximity sensors [m]
 CLEARANCE = 0.015  # of the new step from the obstacle [m]
 MAX_RETRIES = 2
+SOLE = convex_hull(HALF_SIZE * [(1, 1), (-1, 1), (-1, -1), (1, -1)])  # about its centre
 Array = np.ndarray
 
 
@@ -101,11 +103,11 @@ class Rule:
         """Return the shift (2,) of a step that is not safe [m], or None."""
         touched = self._touched(state, foot)
         self.areas[foot].append(touched.area / full_sole().area)
-        bounds = touched.bounds
-        if bounds is None or self.areas[foot][-1] >= MIN_AREA or self.retries == MAX_RETRIES:
+        is_unsafe = touched.kind != "empty" and must_replan(self.areas[foot][-1], MIN_AREA)
+        if not is_unsafe or self.retries == MAX_RETRIES:
             return None
         self.retries += 1
-        return self._shift(foot, *bounds)
+        return shift_off(touched, foot)
 
     def _touched(self, state: State, foot: str) -> Polygon:
         """Return the hull of the cells that are pressed, and of those whose proximity sensor is near the ground."""
@@ -117,12 +119,13 @@ class Rule:
         limit = HALF_SIZE - PITCH / 2
         return convex_hull(np.clip(np.concatenate(cells).reshape(-1, 2), -limit, limit))
 
-    @staticmethod
-    def _shift(foot: str, low: Array, high: Array) -> Array:
-        """Return the shortest shift (2,) backward, forward or outward by which a sole leaves a box [m]."""
-        outward = (high if foot == "left" else low)[1] + SIDE[foot] * (CLEARANCE + HALF_SIZE[1])
-        back, ahead = low[0] - CLEARANCE - HALF_SIZE[0], high[0] + CLEARANCE + HALF_SIZE[0]
-        return np.array(min(((back, 0.0), (ahead, 0.0), (0.0, outward)), key=np.linalg.norm))
+
+def shift_off(obstacle: Polygon, foot: str) -> Array:
+    """Return the shortest shift (2,) backward, forward or outward by which a sole leaves an obstacle below it [m]."""
+    directions = np.array(((-1.0, 0.0), (1.0, 0.0), (0.0, SIDE[foot])))
+    distances = [sidestep(obstacle, SOLE, direction, CLEARANCE) for direction in directions]
+    shortest = int(np.argmin(distances))
+    return distances[shortest] * directions[shortest]
 
 
 def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Result:

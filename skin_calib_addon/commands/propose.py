@@ -10,7 +10,7 @@ from ..common.errors import InvalidMesh, OutputError, SkinCalibError, UnknownLin
 from ..common.findings import did_you_mean, show
 from ..plan import load_plan, named_from, save_plan
 from ..plan.skins import following_channel
-from ..proposal.links import Fitted, Outcome, Task, groups, numbered, plan_path, propose_group, propose_task, robot_of
+from ..proposal.links import Fitted, Outcome, Task, groups, numbered, plan_path, propose_group, propose_task
 from ..proposal.proposal import Proposal
 from ..proposal.skins import DEFAULT_SKIN, FORMS, parse_skin
 from ..robot.link_mesh import is_urdf, links_with_mesh
@@ -186,9 +186,7 @@ def _outcomes(tasks: Sequence[Task], processes: int) -> Iterator[Outcome]:
     if processes == 1 or len(tasks) <= 1:
         results: Iterator[list[Outcome]] = ([propose_task(task)] for task in tasks)
     else:
-        grouped = groups(tasks)
-        robot_of.cache_clear()  # each process reads the robot again
-        results = run_tasks(propose_group, grouped, processes, _lost)
+        results = run_tasks(propose_group, groups(tasks), min(processes, len(tasks)), _lost)
     for outcomes in results:
         for outcome in outcomes:
             progress.step()

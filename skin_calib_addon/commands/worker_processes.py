@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import suppress
 from queue import SimpleQueue
@@ -27,7 +27,7 @@ class ProcessDied(Exception):
 
 
 def run_tasks(
-    work: Callable[[Any], Any], tasks: Sequence[Any], count: int, lost: Callable[[Any, ProcessDied], Any]
+    work: Callable[[Any], Any], tasks: Iterable[Any], count: int, lost: Callable[[Any, ProcessDied], Any]
 ) -> Iterator[Any]:
     """Yield the result of each task as soon as it is finished.
 
@@ -35,10 +35,10 @@ def run_tasks(
     ----------
     work : function of a module
         Computes the result of a task. Tasks and results are pickled.
-    tasks : sequence
-        Arguments of ``work``.
+    tasks : iterable
+        Arguments of ``work``. The processes start before they are computed.
     count : int
-        Number of parallel processes. All have ended when the iteration ends or is closed.
+        Number of processes. All have ended when the iteration ends or is closed.
     lost : function
         Computes the result of a task whose process crashed, from the task and the error.
 
@@ -47,22 +47,23 @@ def run_tasks(
     object
         Results, in the order in which they are finished.
     """
-    workers = [_Worker() for _ in range(min(count, len(tasks)))]
+    workers = [_Worker(work) for _ in range(count)]
     idle: SimpleQueue[_Worker] = SimpleQueue()
 
     def assign(task: Any) -> Any:
         worker = idle.get()
         try:
-            return worker.do(work, task)
+            return worker.do(task)
         except ProcessDied as problem:
             return lost(task, problem)
         finally:
             idle.put(worker)
 
-    for worker in workers:
-        idle.put(worker)
-    pool = ThreadPoolExecutor(len(workers))
+    pool = ThreadPoolExecutor(count)
     try:
+        for worker in workers:
+            worker.begin()
+            idle.put(worker)
         for future in as_completed([pool.submit(assign, task) for task in tasks]):
             yield future.result()
     finally:
@@ -76,20 +77,30 @@ def run_tasks(
 
 
 class _Worker:
-    """A process for tasks, one after another; it starts with the first task, and again after a crash."""
+    """A process for tasks, one after another; it starts again with the next task after a crash."""
 
-    def __init__(self) -> None:
+    def __init__(self, work: Callable[[Any], Any]) -> None:
+        self._work = work
         self._process: subprocess.Popen[bytes] | None = None
         self._ended = False
 
-    def do(self, work: Callable[[Any], Any], task: Any) -> Any:
+    def begin(self) -> subprocess.Popen[bytes]:
+        """Start the process, which imports what the work needs."""
+        process = self._process = _begin()
+        assert process.stdin
+        with suppress(OSError):  # it crashed: its first task reports it
+            pickle.dump(self._work, process.stdin)
+            process.stdin.flush()
+        return process
+
+    def do(self, task: Any) -> Any:
         """Return the result of a task; raise ProcessDied if the process crashed."""
-        process = self._process = self._process or _begin()
+        process = self._process or self.begin()
         if self._ended:  # ask_to_end was called during the start
             process.kill()
         assert process.stdin and process.stdout
         try:
-            pickle.dump((work, task), process.stdin)
+            pickle.dump(task, process.stdin)
             process.stdin.flush()
             return pickle.load(process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError):
@@ -140,14 +151,14 @@ def _how(code: int) -> str:
 
 
 def serve() -> None:
-    """Run tasks from stdin until it is closed; the output of libraries goes to stderr."""
+    """Read the work from stdin, and then tasks until it is closed; the output of libraries goes to stderr."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # temporary files are removed
     tasks, results = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     try:
+        work = pickle.load(tasks)
         while True:
-            work, task = pickle.load(tasks)
-            pickle.dump(work(task), results)
+            pickle.dump(work(pickle.load(tasks)), results)
             results.flush()
     except (EOFError, BrokenPipeError):  # the parent has ended
         os._exit(0)  # flushing the broken pipe would print an error

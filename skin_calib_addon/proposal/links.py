@@ -3,7 +3,7 @@
 import re
 import traceback
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -73,7 +73,11 @@ class Outcome:
 
 
 @one_blas_thread()
-def propose_task(task: Task, begin: Callable[[str], None] = lambda stage: None) -> Outcome:
+def propose_task(
+    task: Task,
+    begin: Callable[[str], None] = lambda stage: None,
+    use: Callable[[Proposal], None] = lambda proposal: None,
+) -> Outcome:
     """Propose the plan of one link; an unexpected error becomes its outcome.
 
     Parameters
@@ -82,9 +86,12 @@ def propose_task(task: Task, begin: Callable[[str], None] = lambda stage: None) 
         The link.
     begin : function, optional
         Called with the name of each stage.
+    use : function, optional
+        Called with the proposal while it has the fits of its surfaces.
     """
     try:
         proposal = _proposal(task, begin)
+        use(proposal)
         fitted = _fitted(task, proposal) if task.fit else None
         return Outcome(task, replace(proposal, fits={}), fitted=fitted)  # fits are large
     except SkinCalibError as problem:
@@ -134,8 +141,8 @@ def _mesh_of(task: Task) -> TriangleMesh:
     return load_urdf_mesh(task.file, task.link) if mesh is None else mesh
 
 
-def groups(tasks: Sequence[Task]) -> list[list[Task]]:
-    """Return the tasks in groups with common work: a link of a robot, and those that are like it.
+def groups(tasks: Sequence[Task]) -> Iterator[list[Task]]:
+    """Yield the tasks in groups with common work: a link of a robot, and those that are like it.
 
     Those with the largest area come first, so that no process is still busy with one of them in the end. The tasks have
     the twins, so that no process finds them again.
@@ -145,7 +152,9 @@ def groups(tasks: Sequence[Task]) -> list[list[Task]]:
         twins = robot_of(task.file).twins if is_urdf(task.file) else {}
         twin = twins.get(task.link)
         found.setdefault(task.link if twin is None else twin.link, []).append(replace(task, twins=twins))
-    return sorted(found.values(), key=lambda group: sum(map(_area, group)), reverse=True)
+    grouped = sorted(found.values(), key=lambda group: sum(map(_area, group)), reverse=True)
+    robot_of.cache_clear()  # each process reads the robot again
+    yield from grouped
 
 
 def _area(task: Task) -> float:

@@ -280,6 +280,7 @@ def test_proposals_fits_and_export_have_the_bytes_of_the_command_line(bpy, arm, 
     assert knob.refusal == "Less than 30 cm^2 are open and free of other links: no skin."
     assert "Info: Proposed plans for 2 links; refused: 1" in capfd.readouterr().out
     assert bpy.ops.skin_calib.fit_all() == {"FINISHED"}
+    assert "Info: All links with a plan are fitted" in capfd.readouterr().out
     assert tube.result.taxels == tube.proposed and not tube.result.outdated
     folder = by_command.with_name("window")
     assert bpy.ops.skin_calib.export_robot(directory=str(folder)) == {"FINISHED"}
@@ -359,6 +360,5 @@ def test_proposal_of_a_real_link_has_the_plan_of_the_command_line(bpy, tmp_path,
     bpy.context.scene.skin_calib.skin = SKIN
     bpy.context.view_layer.objects.active = bpy.data.objects[link]
     assert bpy.ops.skin_calib.propose() == {"FINISHED"}
-    assert bpy.ops.skin_calib.fit_all() == {"FINISHED"}
     assert bpy.ops.skin_calib.export_robot(directory=str(window)) == {"FINISHED"}
     assert files_of(window) == files_of(command) and len(files_of(window)) == 4

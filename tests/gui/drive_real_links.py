@@ -144,7 +144,7 @@ def sole(gui, path):
 
 
 def robot(gui, path):
-    """The button Robot, a row of the list, Propose, Fit, Export Robot."""
+    """The button Robot, a row of the list, Propose, Export Robot."""
     yield from press(gui, "skin_calib.import_robot")
     yield from gui.choose_file(path)
     yield from gui.wait(lambda: len(links()) > 30, 120, "the robot")
@@ -152,8 +152,8 @@ def robot(gui, path):
     yield from selects_a_row(gui)
     yield from press(gui, "skin_calib.propose")
     yield from gui.wait(lambda: proposed() == [active().name] and not running(), 400, "the proposal")
-    yield from fits(gui, "fit")
     assert plan().result.taxels == plan().proposed > 10
+    yield from gui.redraw(3)
     yield from gui.shot("6_robot.png", area="VIEW_3D")
     folder = gui.out / "robot"
     folder.mkdir(exist_ok=True)

@@ -25,7 +25,6 @@ def drive(gui):
         return
     yield from selects_a_row(gui)
     yield from proposes_one(gui)
-    yield from fits_one(gui)
     yield from stops_all(gui)
     yield from exports(gui)
 
@@ -84,7 +83,7 @@ def selects_a_row(gui):
 
 
 def proposes_one(gui):
-    """The button Propose fills the plan; the view can be turned while it works."""
+    """The button Propose fills and fits the plan; the view can be turned while it works."""
     yield from press(gui, "skin_calib.propose")
     yield from gui.wait(running, 10, "the proposal in a thread")
     yield 1.0
@@ -95,13 +94,6 @@ def proposes_one(gui):
     assert not proposed()
     yield from undo(gui, "shift")
     assert proposed() == [LINK] and active().name == LINK
-    yield from gui.shot("robot_proposed.png", area=None)
-
-
-def fits_one(gui):
-    """The button Fit places the skins of the proposal."""
-    yield from press(gui, "skin_calib.fit")
-    yield from gui.wait(lambda: active().skin_calib.result.key and not running(), 200, "the fit")
     yield from hover_view(gui)
     yield from gui.redraw(3)
     yield from gui.shot("robot_fitted.png", area=None)
@@ -144,12 +136,11 @@ def writes_a_folder(gui):
 
 def shows_all_skins(gui):
     """All links are proposed, fitted and exported."""
-    for name in ("propose_all", "fit_all"):
-        yield from press(gui, f"skin_calib.{name}")
-        yield from gui.wait(running, 10, name)
-        yield from gui.wait(lambda: not running(), 1800, name)
-        yield from hover_view(gui)
-        yield from gui.redraw(3)
-        yield from gui.shot(f"robot_{name}.png", area=None)
+    yield from press(gui, "skin_calib.propose_all")
+    yield from gui.wait(running, 10, "the proposals in a thread")
+    yield from gui.wait(lambda: not running(), 1800, "the proposals")
+    yield from hover_view(gui)
+    yield from gui.redraw(3)
+    yield from gui.shot("robot_propose_all.png", area=None)
     assert len(fitted()) > 20
     writes_a_folder(gui)

@@ -6,12 +6,13 @@ An object keeps the key of its fit: undo restores both, and an object never uses
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from threading import Lock
 
 import bpy
 
 from ...common.file_hash import file_hash
+from ...geometry.fit.surface_fit import SurfaceFit
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline import Calibrated, calibrate
 from ...pipeline.sources import taxel_files
@@ -24,7 +25,12 @@ _results: dict[str, Calibrated] = {}
 _lock = Lock()  # fits run in other threads
 
 
-def fit(plan: Plan, mesh: TriangleMesh, begin: Callable[[str], None] = lambda stage: None) -> tuple[str, Calibrated]:
+def fit(
+    plan: Plan,
+    mesh: TriangleMesh,
+    begin: Callable[[str], None] = lambda stage: None,
+    known: Mapping[str, SurfaceFit] | None = None,
+) -> tuple[str, Calibrated]:
     """Calibrate, or return the result of the same plan and mesh before; with its key.
 
     Parameters
@@ -35,6 +41,8 @@ def fit(plan: Plan, mesh: TriangleMesh, begin: Callable[[str], None] = lambda st
         Of the link, in metres in the link frame.
     begin : function, optional
         Called with the name of each stage at its start; an exception aborts the calibration.
+    known : mapping of str to SurfaceFit, optional
+        Fits of surfaces of this plan to this mesh, by their names.
 
     Returns
     -------
@@ -51,7 +59,7 @@ def fit(plan: Plan, mesh: TriangleMesh, begin: Callable[[str], None] = lambda st
     files = [file_hash(path) for path in taxel_files(plan)]
     content = json.dumps((plan_document(plan), files), sort_keys=True) + mesh.sha256
     key = hashlib.sha256(content.encode()).hexdigest()
-    result = _results.get(key) or calibrate(plan, mesh, begin)
+    result = _results.get(key) or calibrate(plan, mesh, begin, known)
     with _lock:
         _results.pop(key, None)
         _results[key] = result  # the cache drops those that were not used for the longest time

@@ -148,6 +148,37 @@ def frame_of(foothold, pressed, force=10.0):
     )
 
 
+def see(foothold, pressed, slope):
+    """Give a foothold a frame twice, as a foot that stands does."""
+    for _ in range(2):
+        foothold.update(frame_of(foothold, pressed), slope)
+
+
+def test_cell_that_is_active_in_one_frame_only_is_not_pressed():
+    """Noise over a pit does not make the foothold larger."""
+    from biped import skins
+    from foothold import FRAMES, Foothold
+
+    from skin_calib_addon.runtime import Skin
+
+    foothold = Foothold(Skin(skins()["sole"]))
+    x, ahead = foothold.places[:, 0], np.array((-0.01, 0.0))
+    see(foothold, x < 0.015, ahead)
+    for _ in range(FRAMES):
+        foothold.update(frame_of(foothold, np.abs(x) < 0.011), ahead)
+    void, bounds = foothold.void.copy(), foothold.area.bounds
+    assert void.any()
+    noisy = np.abs(x) < 0.011
+    cells = np.flatnonzero(void)[:2]
+    noisy[cells] = True
+    foothold.update(frame_of(foothold, noisy), ahead)
+    foothold.update(frame_of(foothold, np.abs(x) < 0.011), ahead)
+    np.testing.assert_array_equal(foothold.void, void)
+    np.testing.assert_array_equal(foothold.area.bounds, bounds)
+    see(foothold, noisy, ahead)
+    assert not foothold.void[cells].any()
+
+
 def test_foothold_ends_at_the_line_about_which_the_sole_turns():
     """First the inner half is pressed, then only the row at its edge: the cells beyond are void, and no others."""
     from biped import skins
@@ -159,7 +190,7 @@ def test_foothold_ends_at_the_line_about_which_the_sole_turns():
     inner, edge = foothold.places[:, 1] > -0.001, np.abs(foothold.places[:, 1]) < 0.001
     ends = np.abs(foothold.places[:, 0]) > 0.05  # what is between them is in the hull of the pressed cells
     outward = np.array((0.0, 0.01))  # the outer side is lower
-    foothold.update(frame_of(foothold, inner & ends), outward)
+    see(foothold, inner & ends, outward)
     for _ in range(FRAMES):
         foothold.update(frame_of(foothold, edge & ends), outward)
     assert (foothold.void[foothold.places[:, 1] < -0.001]).all() and not foothold.void[inner].any()
@@ -174,7 +205,7 @@ def test_sole_that_rolls_on_full_ground_has_no_void_cells():
     from skin_calib_addon.runtime import Skin
 
     foothold = Foothold(Skin(skins()["sole"]))
-    foothold.update(frame_of(foothold, foothold.places[:, 1] > 0.015), np.array((0.0, -0.01)))
+    see(foothold, foothold.places[:, 1] > 0.015, np.array((0.0, -0.01)))
     for _ in range(2 * FRAMES):
         foothold.update(frame_of(foothold, foothold.places[:, 1] > 0.035), np.array((0.0, -0.01)))
     assert not foothold.void.any()
@@ -192,7 +223,7 @@ def test_silent_cell_that_is_higher_than_the_pressed_ones_is_no_evidence():
     pressed = (np.abs(x + 0.04) < 0.031) & (y > -0.001)  # the sole is lower ahead, and on the side of y > 0
     frame = frame_of(foothold, pressed)
     frame.forces = pressed * (20.0 + 300.0 * x)
-    for _ in range(FRAMES):
+    for _ in range(FRAMES + 1):
         foothold.update(frame, np.array((-0.005, -0.007)))
     hovers = (x < -0.005) & (y < -0.005)
     assert foothold.void[(x > 0.005) & (y > -0.001)].all() and not foothold.void[hovers].any()
@@ -207,7 +238,7 @@ def test_next_foothold_is_expected_to_be_like_the_last_one():
 
     foothold = Foothold(Skin(skins()["sole"]))
     x, ahead = foothold.places[:, 0], np.array((-0.01, 0.0))  # the sole is lower ahead
-    foothold.update(frame_of(foothold, (x > -0.065) & (x < 0.015)), ahead)
+    see(foothold, (x > -0.065) & (x < 0.015), ahead)
     for _ in range(FRAMES):
         foothold.update(frame_of(foothold, np.abs(x) < 0.011), ahead)
     beam = foothold.area.bounds
@@ -215,7 +246,7 @@ def test_next_foothold_is_expected_to_be_like_the_last_one():
     foothold.lift()
     np.testing.assert_array_equal(foothold.area.bounds, beam)
     assert not foothold.inside.any()
-    foothold.update(frame_of(foothold, x > -0.065), ahead)
+    see(foothold, x > -0.065, ahead)
     assert foothold.area.bounds[1][0] == pytest.approx(0.095)
 
 
@@ -237,15 +268,18 @@ def test_plan_waits_for_a_dcm_that_is_behind_it_and_goes_on_faster_for_one_ahead
 
 
 def test_step_leaves_an_obstacle_by_the_shortest_shift():
-    from replanning import CLEARANCE, Rule
+    from replanning import CLEARANCE, shift_off
     from shapes import HALF_SIZE
 
-    low, high = np.array((-0.04, -0.03)), np.array((0.03, 0.03))
-    shift = Rule._shift("right", low, high)
-    np.testing.assert_allclose(shift, (0.0, -0.03 - CLEARANCE - HALF_SIZE[1]))
-    np.testing.assert_allclose(Rule._shift("left", low, high), -shift)
-    toe = Rule._shift("right", np.array((0.05, -0.03)), np.array((0.09, 0.03)))
-    np.testing.assert_allclose(toe, (0.05 - CLEARANCE - HALF_SIZE[0], 0.0))
+    from skin_calib_addon.runtime import convex_hull
+
+    def box(low, high):
+        return convex_hull([low, high, (low[0], high[1]), (high[0], low[1])])
+
+    middle, ahead = box((-0.04, -0.03), (0.03, 0.03)), box((0.05, -0.03), (0.09, 0.03))
+    np.testing.assert_allclose(shift_off(middle, "right"), (0.0, -0.03 - CLEARANCE - HALF_SIZE[1]))
+    np.testing.assert_allclose(shift_off(middle, "left"), -shift_off(middle, "right"))
+    np.testing.assert_allclose(shift_off(ahead, "right"), (0.05 - CLEARANCE - HALF_SIZE[0], 0.0))
 
 
 def test_diagram_has_zmp_and_dcm_of_each_walk(tmp_path):
