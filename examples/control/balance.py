@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from biped import FLAT, PERIOD, Biped, Faults
+from biped import FLAT, Biped, Faults
 from experiment import arguments, film_both, report, run_all, spread
 from walker import Gains, Walker
 
@@ -59,7 +59,7 @@ def push(case: Case, impulse: float, each: Callable[[Biped], None] | None = None
     direction = np.array((np.cos(case.angle), np.sin(case.angle), 0.0))
     while robot.data.time < END and not robot.fallen:
         targets, torques = walker.cycle(robot.senses())
-        pushes = START <= robot.data.time < START + PUSH - PERIOD / 2
+        pushes = START <= robot.data.time < START + PUSH - robot.period / 2
         robot.step(targets, torques, direction * impulse / PUSH if pushes else None)
         if each:
             each(robot)

@@ -38,7 +38,7 @@ FOREARM_PAD = 0.006  # radius of the sphere below each taxel of the forearm [m]
 FOAM = 0.01  # time constant of a contact with the forearm's skin [s]
 STIFFNESS, DAMPING = 2000.0, 40.0  # of the servos [N m/rad, N m s/rad]
 TIME_STEP = 1e-3  # of the simulation [s]
-PERIOD = 4e-3  # of the control cycle [s]
+PERIOD = 4e-3  # of the control cycle, in which the skins are read once [s]
 OFFSET = 40  # reading of a free taxel [count]
 NOISE = 2.0  # standard deviation [count]
 REST = 250  # frames at rest from which the noise is learned
@@ -286,6 +286,8 @@ class Biped:
         The skins that are read: those of ``left_foot``, ``right_foot`` and ``forearm``.
     proximity : bool
         Whether their proximity sensors are read, too.
+    period : float
+        Of the control cycle [s], a multiple of ``TIME_STEP``.
     """
 
     foot_bodies = {foot: f"{foot}_foot" for foot in FEET}
@@ -298,7 +300,9 @@ class Biped:
         friction: float = 0.7,
         covered: tuple[str, ...] = SOLES,
         proximity: bool = True,
+        period: float = PERIOD,
     ):
+        self.period = period
         self.model = build(terrain, friction, covered)
         self.data = mujoco.MjData(self.model)
         self.faults, self.rng = faults, np.random.default_rng(seed)
@@ -337,7 +341,7 @@ class Biped:
         gains = self.model.actuator_gainprm[:, 0]
         self.data.ctrl[:] = targets + torques / gains
         self.data.xfrc_applied[self.model.body("pelvis").id, :3] = 0 if push is None else push
-        for _ in range(round(PERIOD / TIME_STEP)):
+        for _ in range(round(self.period / TIME_STEP)):
             mujoco.mj_step(self.model, self.data)
             for foot in self.peaks:
                 load = self._normal_forces()[self._pads[f"{foot}_foot"]].sum()

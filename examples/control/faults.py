@@ -50,6 +50,7 @@ class Case:
     heeds: bool  # the flags
     steps: int
     seed: int
+    period: float = PERIOD  # of the control [s]
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,8 @@ def run(case: Case, each: Callable[[Biped], None] | None = None) -> Result:
     """Walk."""
     rng = np.random.default_rng(case.seed)
     since = float(rng.uniform(EARLIEST, LATEST))
-    robot = Biped(seed=case.seed, faults=FAULTS[case.fault](since, rng), proximity=False)
+    faults = FAULTS[case.fault](since, rng)
+    robot = Biped(seed=case.seed, faults=faults, proximity=False, period=case.period)
     walker = Walker(robot, forward_steps(case.steps, STEP, WIDTH), heeds=case.heeds)
     apart: list[float] = []
 

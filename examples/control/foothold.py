@@ -1,6 +1,7 @@
 """Find the part of a sole that can bear load, from what its cells do not feel."""
 
 import numpy as np
+from biped import PERIOD
 from estimator import SOLE_CENTRE
 from shapes import HALF_SIZE, PITCH
 
@@ -9,7 +10,7 @@ from skin_calib_addon.runtime.balance.polygon import Polygon
 
 Array = np.ndarray
 MIN_FORCE = 0.9  # expected on a cell, from which on its silence is evidence [N]: three times the smallest that is felt
-FRAMES = 12  # that a cell must be silent in a row
+SILENCE = 0.048  # time for which a cell must be silent [s]
 MIN_LOAD = 60.0  # on the sole, for a plane of its forces [N]
 MIN_SPREAD = 0.004  # standard deviation of the places of the cells pressed since the landing: less than two rows [m]
 # Silent cells that are pressed for the first time in one frame. More: the sole rolls onto new ground, and nothing is
@@ -34,9 +35,12 @@ class Foothold:
     ----------
     skin : Skin
         Of the sole.
+    period : float
+        Between its frames [s].
     """
 
-    def __init__(self, skin: Skin):
+    def __init__(self, skin: Skin, period: float = PERIOD):
+        self.frames = round(SILENCE / period)  # for which a cell must be silent
         self.places = skin.positions[:, :2] - SOLE_CENTRE[:2]  # of the taxels, from the centre of the sole [m]
         self.xs, self.ys = (np.unique(np.round(self.places[:, k] / PITCH * 2)) * PITCH / 2 for k in (0, 1))
         self.column = np.abs(self.places[:, :1] - self.xs).argmin(axis=1)
@@ -85,7 +89,7 @@ class Foothold:
             is_low = heights < heights @ frame.forces / frame.forces.sum()
             expected = (terms @ plane > MIN_FORCE) & is_low & ~frame.sets.possible & ~self.inside
         self.silent = np.where(expected, self.silent + 1, 0)
-        void = (self.void | (self.silent >= FRAMES)) & ~pressed & ~self.inside
+        void = (self.void | (self.silent >= self.frames)) & ~pressed & ~self.inside
         if (void == self.void).all():
             return False
         self.void = void

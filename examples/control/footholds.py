@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from biped import Biped
+from biped import PERIOD, Biped
 from diagrams import ASSUMED, draw_walks
 from experiment import arguments, film_both, report, run_all, spread, stands_and_steps
 from foothold import full_sole
@@ -41,6 +41,7 @@ class Case:
     scene: str
     feels: bool
     seed: int
+    period: float = PERIOD  # of the control [s]
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def terrain(scene: str) -> str:
 
 def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Result:
     """Walk."""
-    robot = Biped(terrain(case.scene), case.seed, proximity=False)
+    robot = Biped(terrain(case.scene), case.seed, proximity=False, period=case.period)
     walker = Walker(robot, forward_steps(STEPS, STEP, WIDTH), GAIT, feels=case.feels)
     area = 1.0
 

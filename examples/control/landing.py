@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from biped import FLAT, Biped
+from biped import FLAT, PERIOD, Biped
 from estimator import SOLE_CENTRE
 from experiment import arguments, count, film_both, positive, report, run_all, spread, whole
 from shapes import HALF_SIZE
@@ -48,6 +48,7 @@ class Case:
     steps: int
     speed: float  # of landing without proximity [m/s]
     seed: int
+    period: float = PERIOD  # of the control [s]
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,7 @@ class Judge:
 
 def run(case: Case, each: Callable[[Biped], None] | None = None) -> tuple[bool, list[Impact]]:
     """Return whether the robot still stands, and the impacts."""
-    robot = Biped(GROUND[case.ground], seed=case.seed, proximity=case.proximity)
+    robot = Biped(GROUND[case.ground], seed=case.seed, proximity=case.proximity, period=case.period)
     gait = Gait(landing_speed=case.speed, lift=LIFTS[case.ground])
     steps = forward_steps(case.steps, STEP, WIDTH)
     walker = Walker(robot, steps, gait, proximity=Proximity() if case.proximity else None)

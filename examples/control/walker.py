@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from biped import ARM, DAMPING, FEET, PERIOD, Biped, Senses
+from biped import ARM, DAMPING, FEET, Biped, Senses
 from distribution import distribute
 from estimator import GRAVITY, SOLE_CENTRE, STALE, Estimator, State
 from foothold import MIN_LOAD, Foothold, full_sole
@@ -158,13 +158,14 @@ class Walker:
             proximity,
         )
         self.steps = list(steps)
+        self.period = robot.period
         self.arm = robot.start[12:]
         self.log = Log()
         self.phase = ""
         self.clock, self.rate = 0.0, 1.0  # time of the plan, and how fast it goes on [s, 1]
         self.index = 0  # of the step that is taken, or comes next
         self.tilts = {foot: np.zeros(2) for foot in FEET}  # roll and pitch of the ankle admittance [rad]
-        self.footholds = {foot: Foothold(robot.body.skins[f"{foot}_foot"]) for foot in FEET}
+        self.footholds = {foot: Foothold(robot.body.skins[f"{foot}_foot"], robot.period) for foot in FEET}
         self.cone, self.avoid = cone, avoid
         self.feels, self.heeds = feels, heeds
         self.last: Array | None = None  # angles of the last cycle
@@ -182,11 +183,11 @@ class Walker:
         since = self.clock - self.began
         reference = self.plan.at(self.clock - self.planned)
         velocity = self.omega * (reference.dcm - self.com_reference)  # of the pendulum (4.10)
-        self.com_reference = self.com_reference + velocity * PERIOD
+        self.com_reference = self.com_reference + velocity * self.period
         dcm = divergent_component(state.com[:2], state.com_velocity[:2], self.omega)
         is_held = self._is_unsure(state)
         self.rate = 0.0 if is_held else plan_rate(reference, dcm, self.omega, self.gains)
-        self.clock += self.rate * PERIOD
+        self.clock += self.rate * self.period
         # The ZMP of the plan moves the DCM on. Below the DCM it keeps it where it is while the plan is held.
         planned = reference.dcm if is_held else reference.zmp
         wanted = desired_zmp(planned, reference.dcm, dcm, self.gains.dcm, self.omega)
@@ -197,7 +198,7 @@ class Walker:
             velocity = velocity + com_velocity_command(
                 zmp, wanted, self.com, self.com_reference, self.gains.zmp, self.gains.com
             )
-        self.com = self.com + velocity * PERIOD
+        self.com = self.com + velocity * self.period
         self._distribute(state, wanted)
         self._move_feet(state, since)
         self._tilt_ankles(state, wanted)
@@ -245,9 +246,9 @@ class Walker:
         now = self.plan.at(self.clock - self.planned).zmp if hasattr(self, "plan") else state.com[:2]
         centroids = {foot: self.footholds[foot].area.centroid for foot in FEET}
         ground = {foot: self.estimator.anchors[foot][:2] + centroids[foot] for foot in FEET}
-        left = max(self.began + self.duration - self.clock, PERIOD)
+        left = max(self.began + self.duration - self.clock, self.period)
         times, points = [0.0, left], [now]
-        early = min(self.early - (self.clock - self.began), left - PERIOD)
+        early = min(self.early - (self.clock - self.began), left - self.period)
         if early > 0:
             times, points = [0.0, early, left], [now, now]
         if self.phase == "single":
@@ -336,7 +337,7 @@ class Walker:
         foot = self.steps[self.index - 1].foot
         is_loaded = self.waited > 0 or (state.felt.loads[foot] or 0.0) > MIN_LOAD  # to wait changes the load
         is_unsure = is_loaded and self.footholds[foot].inside.mean() < SURE and self.waited < self.gait.wait
-        self.waited += PERIOD * is_unsure
+        self.waited += self.period * is_unsure
         return is_unsure
 
     # Feet and ankles
@@ -349,7 +350,7 @@ class Walker:
                 away = self.estimator.anchors[foot] - self.commanded[foot]
                 far = np.linalg.norm(away)
                 self.commanded[foot] = self.commanded[foot] + away * min(
-                    1.0, self.gains.anchor_speed * PERIOD / max(far, 1e-9)
+                    1.0, self.gains.anchor_speed * self.period / max(far, 1e-9)
                 )
 
     def _swing(self, state: State, since: float) -> Array:
@@ -370,16 +371,16 @@ class Walker:
         frame, skin = state.frame.links.get(f"{step.foot}_foot"), self.estimator.body.skins[f"{step.foot}_foot"]
         if compliant and frame is not None:
             virtual = compliant.wrench(skin, frame, SOLE_CENTRE)
-            turn = compliant.turning * PERIOD * virtual[3:5]
+            turn = compliant.turning * self.period * virtual[3:5]
             self.tilts[step.foot] = self.tilts[step.foot] + turn
             speed = compliant.slowed(speed, virtual[2])
-        return np.array((*flat, self.commanded[step.foot][2] - speed * self.rate * PERIOD))
+        return np.array((*flat, self.commanded[step.foot][2] - speed * self.rate * self.period))
 
     def _tilt_ankles(self, state: State, wanted: Array) -> None:
         """Turn the soles so that their CoPs go to the desired ZMP (admittance)."""
         goals = self._parts(state, wanted)
         for foot in FEET:
-            self.tilts[foot] = self.tilts[foot] * (1 - PERIOD / self.gains.leak)
+            self.tilts[foot] = self.tilts[foot] * (1 - self.period / self.gains.leak)
             load, cop = state.felt.loads[foot], state.felt.cops[foot]
             if not load or cop is None or foot == self.swing_foot:
                 continue
@@ -389,7 +390,7 @@ class Walker:
             if goal is None:
                 goal = self.footholds[foot].area.centroid
             moment = load * (goal - cop)
-            self.tilts[foot] = self.tilts[foot] + self.gains.ankle * PERIOD * np.array((-moment[1], moment[0]))
+            self.tilts[foot] = self.tilts[foot] + self.gains.ankle * self.period * np.array((-moment[1], moment[0]))
 
     def _distribute(self, state: State, wanted: Array) -> None:
         """Find the wrench of each standing foot, if there is to be a program for it."""
@@ -425,7 +426,7 @@ class Walker:
             turn = rotation(1, pitch) @ rotation(0, roll)
             feet[foot] = (self.commanded[foot] - turn @ SOLE_CENTRE, turn)
         targets = np.concatenate((joint_angles(pelvis, np.eye(3), feet), self.arm))
-        rates = np.zeros(19) if self.last is None else (targets - self.last) / PERIOD
+        rates = np.zeros(19) if self.last is None else (targets - self.last) / self.period
         self.last = targets
         torques = self.estimator.gravity_torques(self._forces(state, wanted))
         return targets, torques + np.concatenate((DAMPING * rates[:12], np.zeros(len(ARM))))

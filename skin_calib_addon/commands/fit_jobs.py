@@ -94,7 +94,9 @@ def _fitted_now(jobs: Sequence[Job], processes: int, is_only: bool) -> Iterator[
         return map(fit_one if is_only else _fit_safely, jobs)
     # Long plans first, so that no process is still busy with one of them in the end.
     jobs = sorted(jobs, key=_plan_size, reverse=True)
-    return run_tasks(_fit_safely, jobs, min(processes, len(jobs)), lambda job, problem: Outcome(job, "failed", str(problem)))
+    return run_tasks(
+        _fit_safely, jobs, min(processes, len(jobs)), lambda job, problem: Outcome(job, "failed", str(problem))
+    )
 
 
 def _plan_size(job: Job) -> int:

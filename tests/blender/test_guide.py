@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tests.blender.conftest import ROOT
-from tests.blender.test_registration import draw
 
 WRIST = ROOT / "sample_scenes" / "wrist.ply"
 

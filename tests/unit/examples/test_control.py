@@ -157,14 +157,14 @@ def see(foothold, pressed, slope):
 def test_cell_that_is_active_in_one_frame_only_is_not_pressed():
     """Noise over a pit does not make the foothold larger."""
     from biped import skins
-    from foothold import FRAMES, Foothold
+    from foothold import Foothold
 
     from skin_calib_addon.runtime import Skin
 
     foothold = Foothold(Skin(skins()["sole"]))
     x, ahead = foothold.places[:, 0], np.array((-0.01, 0.0))
     see(foothold, x < 0.015, ahead)
-    for _ in range(FRAMES):
+    for _ in range(foothold.frames):
         foothold.update(frame_of(foothold, np.abs(x) < 0.011), ahead)
     void, bounds = foothold.void.copy(), foothold.area.bounds
     assert void.any()
@@ -182,7 +182,7 @@ def test_cell_that_is_active_in_one_frame_only_is_not_pressed():
 def test_foothold_ends_at_the_line_about_which_the_sole_turns():
     """First the inner half is pressed, then only the row at its edge: the cells beyond are void, and no others."""
     from biped import skins
-    from foothold import FRAMES, Foothold
+    from foothold import Foothold
 
     from skin_calib_addon.runtime import Skin
 
@@ -191,7 +191,7 @@ def test_foothold_ends_at_the_line_about_which_the_sole_turns():
     ends = np.abs(foothold.places[:, 0]) > 0.05  # what is between them is in the hull of the pressed cells
     outward = np.array((0.0, 0.01))  # the outer side is lower
     see(foothold, inner & ends, outward)
-    for _ in range(FRAMES):
+    for _ in range(foothold.frames):
         foothold.update(frame_of(foothold, edge & ends), outward)
     assert (foothold.void[foothold.places[:, 1] < -0.001]).all() and not foothold.void[inner].any()
     assert foothold.area.bounds[0][1] == pytest.approx(-0.005) and foothold.area.contains((-0.09, 0.04))
@@ -200,13 +200,13 @@ def test_foothold_ends_at_the_line_about_which_the_sole_turns():
 def test_sole_that_rolls_on_full_ground_has_no_void_cells():
     """Three rows at the edge are pressed at the landing, then the outermost one alone."""
     from biped import skins
-    from foothold import FRAMES, Foothold
+    from foothold import Foothold
 
     from skin_calib_addon.runtime import Skin
 
     foothold = Foothold(Skin(skins()["sole"]))
     see(foothold, foothold.places[:, 1] > 0.015, np.array((0.0, -0.01)))
-    for _ in range(2 * FRAMES):
+    for _ in range(2 * foothold.frames):
         foothold.update(frame_of(foothold, foothold.places[:, 1] > 0.035), np.array((0.0, -0.01)))
     assert not foothold.void.any()
 
@@ -214,7 +214,7 @@ def test_sole_that_rolls_on_full_ground_has_no_void_cells():
 def test_silent_cell_that_is_higher_than_the_pressed_ones_is_no_evidence():
     """The front edge of the ground carries most of the load: cells ahead of it are void, those that hover are not."""
     from biped import skins
-    from foothold import FRAMES, Foothold
+    from foothold import Foothold
 
     from skin_calib_addon.runtime import Skin
 
@@ -223,7 +223,7 @@ def test_silent_cell_that_is_higher_than_the_pressed_ones_is_no_evidence():
     pressed = (np.abs(x + 0.04) < 0.031) & (y > -0.001)  # the sole is lower ahead, and on the side of y > 0
     frame = frame_of(foothold, pressed)
     frame.forces = pressed * (20.0 + 300.0 * x)
-    for _ in range(FRAMES + 1):
+    for _ in range(foothold.frames + 1):
         foothold.update(frame, np.array((-0.005, -0.007)))
     hovers = (x < -0.005) & (y < -0.005)
     assert foothold.void[(x > 0.005) & (y > -0.001)].all() and not foothold.void[hovers].any()
@@ -232,14 +232,14 @@ def test_silent_cell_that_is_higher_than_the_pressed_ones_is_no_evidence():
 def test_next_foothold_is_expected_to_be_like_the_last_one():
     """The void cells stay void while the foot is in the air; on other ground they are found to be solid."""
     from biped import skins
-    from foothold import FRAMES, Foothold
+    from foothold import Foothold
 
     from skin_calib_addon.runtime import Skin
 
     foothold = Foothold(Skin(skins()["sole"]))
     x, ahead = foothold.places[:, 0], np.array((-0.01, 0.0))  # the sole is lower ahead
     see(foothold, (x > -0.065) & (x < 0.015), ahead)
-    for _ in range(FRAMES):
+    for _ in range(foothold.frames):
         foothold.update(frame_of(foothold, np.abs(x) < 0.011), ahead)
     beam = foothold.area.bounds
     assert beam[1][0] == pytest.approx(0.015)
@@ -333,6 +333,16 @@ def test_proximity_softens_the_landing():
 
 
 @pytest.mark.slow
+def test_robot_walks_at_1_khz_and_feels_its_zmp_earlier():
+    """Readings are 1 ms late instead of 4."""
+    from biped import PERIOD, TIME_STEP
+    from rates import cases_of, run
+
+    slow, fast = (run(cases_of("walk", [0], period)[0]) for period in (PERIOD, TIME_STEP))
+    assert slow.stands and fast.stands and slow.steps == fast.steps == 2
+    assert fast.apart < 0.8 * slow.apart
+
+
 def test_landings_on_the_obstacle_are_judged_apart():
     """The third of four landings; the foot meets it about as fast as the floor, and softly with proximity."""
     from landing import OBSTACLE_STEPS, Case, by_place, run
