@@ -333,6 +333,19 @@ def test_proximity_softens_the_landing():
 
 
 @pytest.mark.slow
+def test_walker_needs_the_five_members_that_the_page_states():
+    """The robot is hidden behind them; it begins to lift a foot."""
+    from biped import Biped
+    from walker import Walker, forward_steps
+
+    robot = Biped(proximity=False)
+    names = ("body", "start", "period", "senses", "step")
+    walker = Walker(SimpleNamespace(**{name: getattr(robot, name) for name in names}), forward_steps(1, 0.15, 0.18))
+    while robot.data.time < 1.5:
+        robot.step(*walker.cycle(robot.senses()))
+    assert walker.swing_foot == "right" and not robot.fallen
+
+
 def test_robot_walks_at_1_khz_and_feels_its_zmp_earlier():
     """Readings are 1 ms late instead of 4."""
     from biped import PERIOD, TIME_STEP
