@@ -68,7 +68,8 @@ def draw_status(layout, link):
     if report and not report.refusal:
         surface = "The surface is coarse. " if report.coarse else ""
         cells = "Cells are interpolated. " if report.interpolated else ""
-        show_text(layout, f"{surface}{cells}Errors and warnings follow when the changes end", "SORTTIME")
+        later = "Boards, errors and warnings" if report.left_out else "Errors and warnings"
+        show_text(layout, f"{surface}{cells}{later} follow when the changes end", "SORTTIME")
     if report and report.refusal:
         draw_warning(layout, plan, report.refusal, REFUSAL)
         if not plan.proposed and not report.refusal.where.skin:

@@ -100,6 +100,26 @@ def test_preview_leaves_what_judges_to_the_fit(bpy, updates, following, monkeypa
     assert draw(bpy, "status")[0] == "The fit is refused"
 
 
+def test_boards_that_are_searched_for_follow_with_the_fit(bpy, addon, updates, following, monkeypatch):
+    """A preview leaves them out, with the skin whose channels follow theirs; listed boards are drawn."""
+    plan = following.skin_calib
+    bpy.ops.skin_calib.skin_add(kind="hexagons")
+    bpy.ops.skin_calib.skin_add(kind="sheet")
+    sheet, boards, other = plan.skins
+    sheet.rows, sheet.columns, boards.side, other.rows, other.columns = 1, 2, 0.01, 1, 3
+    look(updates)
+    report, skins = updates.reports[following.name], addon.drawing.previews[following.name].taxels
+    assert report.refusal is None and report.left_out and len(skins.ids) == 2
+    assert "Boards, errors and warnings follow when the changes end" in " ".join(draw(bpy, "status"))
+    rest(updates, monkeypatch)
+    count = plan.result.taxels - 5
+    assert count > 3 and not updates.reports
+    boards.choice, boards.cells = "listed", "0,0 1,0"
+    look(updates)
+    assert not updates.reports[following.name].left_out
+    assert len(addon.drawing.previews[following.name].taxels.ids) == 7
+
+
 def test_warnings_of_the_fit_before_a_change_are_named_as_such(bpy, updates, following, monkeypatch):
     """While the plan differs from the fit, its warnings are not those of the plan."""
     plan, note = following.skin_calib, "Warnings of the last fit, before the change:"

@@ -2,7 +2,7 @@
 """Compute a preview of a plan: sketch, surface and skin without exact errors, as fast as possible."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from types import SimpleNamespace
 from typing import Any
@@ -20,6 +20,7 @@ from ...pipeline.sources import taxel_files
 from ...plan import Plan
 from ...plan.checks import naming_surface
 from ...plan.plan import Surface
+from ...plan.skins import BoardSkin, Skin
 from ..overlay.layers import Layers, layers_of
 from ..scene.facets import Facets
 from ..scene.warnings import refusal_of
@@ -40,6 +41,7 @@ class PreviewReport:
     seconds: float = 0.0  # from the change to the preview [s]
     interpolated: bool = False  # whether cells are between others that have been placed
     coarse: bool = False  # whether a surface with a large mesh or grid was fitted fast and not exactly
+    left_out: bool = False  # whether skins are left out, because the search for boards takes long
     refusal: Warning | None = None  # why there is no preview or fit; the other values are then invalid
 
     @property
@@ -114,6 +116,7 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     plan = given.plan
     if plan is None:
         return Preview(sketch, report=PreviewReport(refusal=given.refusal) if given.refusal else None)
+    given_skins, plan = plan.skins, replace(plan, skins=placed_at_once(plan.skins))
     skins = plan.skins, [file_hash(path) for path in taxel_files(plan)]
     judged = "TILT" in given.shown, "UNCERTAINTY" in given.shown
     draft = Draft(cache.placed, *judged)
@@ -140,7 +143,28 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
         pass
     interpolated = any(done.sheet is not None and done.sheet.interpolated for done in placed)
     mean = max(float(np.nanmean(np.abs(fit.residuals))) for fit in fits.values())
-    return Preview(sketch, layers, PreviewReport(mean, perf_counter() - given.start, interpolated, coarse))
+    left_out = len(plan.skins) < len(given_skins)
+    return Preview(sketch, layers, PreviewReport(mean, perf_counter() - given.start, interpolated, coarse, left_out))
+
+
+def placed_at_once(skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
+    """Return the skins that a preview has: none for whose boards a search is needed, and none with unknown channels.
+
+    The search takes up to two seconds. The channels of a skin can follow those of the boards before it.
+
+    Parameters
+    ----------
+    skins : tuple of Skin
+        Of the plan.
+    """
+    kept, is_known = [], True
+    for skin in skins:
+        is_known = is_known or skin.first_channel is not None
+        if isinstance(skin, BoardSkin) and isinstance(skin.choice, str):
+            is_known = False
+        elif is_known:
+            kept.append(skin)
+    return tuple(kept)
 
 
 def _fit(cache: StepCache, mesh: TriangleMesh, plan: Plan, surface: Surface, coarse: bool) -> SurfaceFit:
