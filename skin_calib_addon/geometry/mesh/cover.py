@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import ConvexHull, Delaunay, QhullError
-from trimesh.intersections import slice_faces_plane
 
 from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidMesh, InvalidPlan
@@ -109,8 +108,31 @@ def one_side(mesh: TriangleMesh, point: Array, normal: Array) -> tuple[Array, In
     faces : array of int, shape (f, 3)
         Indices of vertices.
     """
-    vertices, faces, _ = slice_faces_plane(mesh.vertices, mesh.faces, plane_normal=normal, plane_origin=point)
-    return vertices, faces
+    heights = (mesh.vertices - point) @ normal
+    kept = heights >= 0
+    count = kept[mesh.faces].sum(axis=1)
+
+    def crossing(a: IntArray, b: IntArray) -> Array:
+        """Return where edges cross the plane: the same numbers for both faces of an edge, so that they stay joined."""
+        start, end = np.minimum(a, b), np.maximum(a, b)
+        part = heights[start] / (heights[start] - heights[end])
+        points = mesh.vertices[start] + part[:, None] * (mesh.vertices[end] - mesh.vertices[start])
+        return np.where(heights[end, None] == 0, mesh.vertices[end], points)
+
+    corner, b, c = _from_corner(mesh.faces[count == 1], kept).T
+    tips = np.stack((mesh.vertices[corner], crossing(corner, b), crossing(corner, c)), axis=1)
+    corner, b, c = _from_corner(mesh.faces[count == 2], ~kept).T
+    p, q = crossing(b, corner), crossing(c, corner)
+    rest = [np.stack(three, axis=1) for three in ((mesh.vertices[b], mesh.vertices[c], q), (mesh.vertices[b], q, p))]
+    new = np.concatenate((tips, *rest)).reshape(-1, 3)
+    faces = (mesh.faces[count == 3], len(mesh.vertices) + np.arange(len(new)).reshape(-1, 3))
+    return np.concatenate((mesh.vertices, new)), np.concatenate(faces)
+
+
+def _from_corner(faces: IntArray, chosen: BoolArray) -> IntArray:
+    """Return faces with one chosen vertex each so that they begin with it; their winding stays."""
+    first = chosen[faces].argmax(axis=1)
+    return np.take_along_axis(faces, (first[:, None] + np.arange(3)) % 3, axis=1)
 
 
 def outer_shells(mesh: TriangleMesh) -> TriangleMesh:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, shells
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
@@ -174,3 +175,27 @@ def test_seen_removes_inner_walls_that_are_connected_to_the_outside():
     assert same_mesh(cut_cover(mesh, CoverSpec("outer")), mesh)
     kept = keep(cut_cover(mesh, CoverSpec("seen")), lambda c: np.linalg.norm(c[:, :2], axis=1) > 0.0025)  # not the bore
     assert same_mesh(kept, weld(mesh.vertices, mesh.faces[outside]))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_cut_leaves_a_part_in_one_piece(seed):
+    """Both faces of an edge get the same point: pieces at the cut were parts of their own, and removed as inner ones."""
+    rng = np.random.default_rng(seed)
+    mesh = weld(wrist().vertices @ Motion(seed, 1.0).rotation.T, wrist().faces)
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    point, normal = low + (high - low) * rng.uniform(0.3, 0.7, 3), unit(rng.normal(size=3))
+    halves = [weld(*one_side(mesh, point, sign * normal)) for sign in (1.0, -1.0)]
+    assert [shells(half).max() for half in halves] == [0, 0]
+    assert sum(half.face_areas.sum() for half in halves) == pytest.approx(mesh.face_areas.sum(), rel=1e-12)
+    assert shells(together(*halves)).max() == 0  # both halves have the same points at the cut
+    kept = cut_cover(mesh, CoverSpec("outer", (Cut(tuple(point), tuple(normal)),)))
+    assert len(kept.faces) == len(halves[0].faces)
+
+
+def test_cut_through_vertices_keeps_them():
+    """A vertex on the plane is a vertex of the rim, to the bit, and no face becomes a line."""
+    mesh = cylinder()
+    height = np.unique(mesh.vertices[:, 2])[7]
+    half = weld(*one_side(mesh, np.array((0, 0, height)), np.array((0.0, 0, 1))))
+    expected = mesh.faces[mesh.triangles[:, :, 2].min(axis=1) >= height]
+    assert same_mesh(half, weld(mesh.vertices, expected))
