@@ -21,6 +21,9 @@ HULL_TOLERANCE = 1e-6
 # [fraction of the root of the area of a shell] longest side of the parts that are inside the hull or not. Larger: less
 # accurate fractions, which depend on the faces.
 SHELL_PART_FRACTION = 0.03
+# [size of the mesh] distance from a cut up to which a vertex is on it. Larger: rims are less even; smaller: rounding
+# leaves faces without area.
+ON_PLANE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,7 @@ def one_side(mesh: TriangleMesh, point: Array, normal: Array) -> tuple[Array, In
         Indices of vertices.
     """
     heights = (mesh.vertices - point) @ normal
+    heights[np.abs(heights) < ON_PLANE * mesh.size] = 0
     kept = heights >= 0
     count = kept[mesh.faces].sum(axis=1)
 

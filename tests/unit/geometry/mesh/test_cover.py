@@ -179,7 +179,7 @@ def test_seen_removes_inner_walls_that_are_connected_to_the_outside():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_cut_leaves_a_part_in_one_piece(seed):
-    """Both faces of an edge get the same point: pieces at the cut were parts of their own, and removed as inner ones."""
+    """Both faces of an edge get the same point. Pieces at the cut were parts of their own, and removed as inner ones."""
     rng = np.random.default_rng(seed)
     mesh = weld(wrist().vertices @ Motion(seed, 1.0).rotation.T, wrist().faces)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
@@ -196,6 +196,10 @@ def test_cut_through_vertices_keeps_them():
     """A vertex on the plane is a vertex of the rim, to the bit, and no face becomes a line."""
     mesh = cylinder()
     height = np.unique(mesh.vertices[:, 2])[7]
-    half = weld(*one_side(mesh, np.array((0, 0, height)), np.array((0.0, 0, 1))))
     expected = mesh.faces[mesh.triangles[:, :, 2].min(axis=1) >= height]
+    half = weld(*one_side(mesh, np.array((0, 0, height)), np.array((0.0, 0, 1))))
     assert same_mesh(half, weld(mesh.vertices, expected))
+    motion = Motion(4)  # rounding moves the vertices off the plane
+    point, normal = motion.points(np.array((0.01, 0.02, height))), motion.rotation @ np.array((0.0, 0, 1))
+    half = weld(*one_side(motion.mesh(mesh), point, normal))
+    assert len(half.faces) == len(expected) and half.face_areas.min() > 0.9 * mesh.face_areas.min()
