@@ -179,7 +179,7 @@ def test_seen_removes_inner_walls_that_are_connected_to_the_outside():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_cut_leaves_a_part_in_one_piece(seed):
-    """Both faces of an edge get the same point. Pieces at the cut were parts of their own, and removed as inner ones."""
+    """Both faces of an edge get the same point. Pieces at the cut were shells, and were removed as inner parts."""
     rng = np.random.default_rng(seed)
     mesh = weld(wrist().vertices @ Motion(seed, 1.0).rotation.T, wrist().faces)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
