@@ -117,7 +117,8 @@ class Propose(OverLinks):
             raise SkinCalibError(outcome.problem)
         if proposal.plan is None:
             raise InvalidPlan(proposal.reasons[-1])
-        ((plan, fit),) = fitted
+        ((given, fit),) = fitted
+        plan = numbered(given, robots.next_channel(link, context.scene))  # others can have got skins in the meantime
         plans.check_numbers(plan, metres_per_unit(context.scene))
         plans.write_plan(link, context.scene, plan)
         settings.proposed, settings.refusal = proposal.taxels, ""
@@ -128,7 +129,7 @@ class Propose(OverLinks):
             updates.refuse(link, refusal_of(fit))
             self.report({"WARNING"}, f"{link.name}: the fit of the proposal is refused. {skins.in_window(fit)}")
         else:
-            store_fit(context, link, (plan, self.facets), fit)
+            store_fit(context, link, (given, self.facets), fit)
 
     def keep_reason(self, link, error):
         link.skin_calib.refusal = str(error)

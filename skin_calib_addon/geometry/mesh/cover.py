@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, Delaunay, QhullError
+from scipy.spatial import ConvexHull, Delaunay, QhullError, cKDTree
 
 from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidMesh, InvalidPlan
@@ -18,12 +18,16 @@ INNER_AREA_FRACTION = 0.5
 # [fraction of the distance from the middle] by which a point must be inside a hull. Larger: parts that are flush with
 # it are no inner parts; smaller: rounding decides.
 HULL_TOLERANCE = 1e-6
+# [fraction of the distance from the middle] by which a shell must be outside the hull of those kept so far to make it
+# larger. Larger: faster for links with many parts, and less exact.
+HULL_GROWTH = 1e-4
 # [fraction of the root of the area of a shell] longest side of the parts that are inside the hull or not. Larger: less
 # accurate fractions, which depend on the faces.
 SHELL_PART_FRACTION = 0.03
 # [size of the mesh] distance from a cut up to which a vertex is on it. Larger: rims are less even; smaller: rounding
 # leaves faces without area.
 ON_PLANE = 1e-9
+SINGLE_PRECISION = 2.0**-22  # [largest coordinate] difference of two roundings of a number to single precision
 
 
 @dataclass(frozen=True)
@@ -150,13 +154,16 @@ def is_outer(mesh: TriangleMesh) -> BoolArray:
     shell = shells(mesh)
     largest, *others = np.argsort(-np.bincount(shell, mesh.face_areas), kind="stable")
     kept = shell == largest
-    hull = None
+    hull = convex_hull(mesh.triangles[kept].reshape(-1, 3)) if others else None
     for i in others:
         faces = np.flatnonzero(shell == i)
-        if hull is None:
-            hull = convex_hull(mesh.triangles[kept].reshape(-1, 3))
         if fraction_inside(hull, mesh, faces) < INNER_AREA_FRACTION:
-            kept[faces], hull = True, None
+            kept[faces] = True
+            corners = mesh.triangles[faces].reshape(-1, 3)
+            if hull is None:
+                hull = convex_hull(mesh.triangles[kept].reshape(-1, 3))
+            elif not is_inside(hull, corners, HULL_GROWTH).all():
+                hull = convex_hull(np.concatenate((hull.points, corners)))
     return kept
 
 
@@ -179,19 +186,37 @@ def fraction_inside(hull: Delaunay | None, mesh: TriangleMesh, faces: IntArray) 
     shell = TriangleMesh(mesh.vertices, mesh.faces[faces])
     if shell.face_areas.sum() == 0:
         return 1.0
+    if hull is None:
+        return 0.0
+    if is_inside(hull, shell.triangles.reshape(-1, 3), -HULL_TOLERANCE).all():
+        return 1.0
     # Small parts, so that the fraction does not depend on the size of the faces.
     centres, face, parts = split_faces(shell, SHELL_PART_FRACTION * float(np.sqrt(shell.face_areas.sum())))
     areas = shell.face_areas[face] / parts[face] ** 2
-    if hull is None:
-        return 0.0
+    return float(areas[is_inside(hull, centres, -HULL_TOLERANCE)].sum() / areas.sum())
+
+
+def is_inside(hull: Delaunay, points: Array, growth: float) -> BoolArray:
+    """Return which points (k, 3) are inside a hull that is made larger by a fraction, or smaller."""
     middle = hull.points.mean(axis=0)
-    inside = hull.find_simplex(middle + (1 + HULL_TOLERANCE) * (centres - middle)) >= 0
-    return float(areas[inside].sum() / areas.sum())
+    inside: BoolArray = hull.find_simplex(middle + (1 - growth) * (points - middle)) >= 0
+    return inside
 
 
 def shells(mesh: TriangleMesh) -> IntArray:
-    """Return the number of the shell of each face, shape (f,): an edge connects faces if it belongs to exactly two."""
-    return components(len(mesh.faces), *mesh.adjacency)
+    """Return the number of the shell of each face, shape (f,): an edge connects faces if it belongs to exactly two.
+
+    Vertices that differ by the rounding of single precision are the same: some files have other ones in each face.
+    """
+    found = components(len(mesh.faces), *mesh.adjacency)
+    if found.max() == 0:
+        return found
+    rounding = SINGLE_PRECISION * float(np.abs(mesh.vertices).max())
+    pairs = cKDTree(mesh.vertices).query_pairs(rounding, output_type="ndarray")
+    if len(pairs) == 0:
+        return found
+    same = components(len(mesh.vertices), *pairs.T)
+    return components(len(mesh.faces), *TriangleMesh(mesh.vertices, same[mesh.faces]).adjacency)
 
 
 def convex_hull(points: Array) -> Delaunay | None:

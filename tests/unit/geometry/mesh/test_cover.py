@@ -6,6 +6,7 @@ import trimesh
 
 from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.geometry.mesh import cover
 from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, shells
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from tests.shapes import RADIUS, Motion, box, cylinder, keep, same_mesh, shuffled, together, welded, wrist
@@ -203,3 +204,24 @@ def test_cut_through_vertices_keeps_them():
     point, normal = motion.points(np.array((0.01, 0.02, height))), motion.rotation @ np.array((0.0, 0, 1))
     half = weld(*one_side(motion.mesh(mesh), point, normal))
     assert len(half.faces) == len(expected) and half.face_areas.min() > 0.9 * mesh.face_areas.min()
+
+
+@pytest.mark.parametrize("part", [0.1, 1.0])
+def test_faces_with_corners_of_their_own_are_one_shell(part):
+    """Files whose faces have the same corners but for rounding: no face is a shell, and none is removed as inner."""
+    mesh, rng = wrist(), np.random.default_rng(0)
+    triangles, moved = mesh.triangles.copy(), rng.random(len(mesh.faces)) < part
+    triangles[moved] += rng.normal(0, 1e-9, triangles[moved].shape)
+    apart = weld(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+    assert shells(apart).max() == 0 and len(apart.vertices) > 1.2 * len(mesh.vertices)
+    assert same_mesh(cut_cover(apart, CoverSpec("outer")), apart)
+
+
+def test_hull_is_computed_again_only_for_parts_that_make_it_larger(monkeypatch):
+    """Links can have a thousand parts, such as letters on their outside."""
+    hulls = []
+    monkeypatch.setattr(cover, "convex_hull", lambda points, real=cover.convex_hull: hulls.append(1) or real(points))
+    letters = [box((0.001 * k, 0, 0.05), (0.001 * k + 5e-4, 0.001, 0.050002)) for k in range(20)]
+    mesh = together(box((0, 0, 0), (0.1, 0.1, 0.05)), *letters, box((0.2, 0, 0), (0.21, 0.01, 0.01)))
+    assert same_mesh(cut_cover(mesh, CoverSpec("outer")), mesh)
+    assert len(hulls) == 2
