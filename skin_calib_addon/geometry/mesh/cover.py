@@ -197,7 +197,17 @@ def fraction_inside(hull: Delaunay | None, mesh: TriangleMesh, faces: IntArray) 
 
 
 def is_inside(hull: Delaunay, points: Array, growth: float) -> BoolArray:
-    """Return which points (k, 3) are inside a hull that is made larger by a fraction, or smaller."""
+    """Return which points are inside a hull of another size, shape (k,).
+
+    Parameters
+    ----------
+    hull : Delaunay
+        Of ``convex_hull``.
+    points : array, shape (k, 3)
+        [m]
+    growth : float
+        Fraction by which the hull is made larger about its middle; below zero it becomes smaller.
+    """
     middle = hull.points.mean(axis=0)
     inside: BoolArray = hull.find_simplex(middle + (1 - growth) * (points - middle)) >= 0
     return inside
