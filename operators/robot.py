@@ -75,6 +75,23 @@ class OnLinks:
         return not reason
 
 
+def propose_and_fit(task, channel, mesh, begin):
+    """Return the outcome of a proposal, its plan from a channel on, and the fit of the plan, or why it is refused."""
+    plan, fit = None, None
+
+    def use(proposal):
+        nonlocal plan, fit
+        if proposal.plan is None:
+            return
+        plan = replace(numbered(proposal.plan, channel), mesh=mesh)
+        try:
+            fit = results.fit(plan, task.mesh, begin, proposal.fits)
+        except SkinCalibError as refused:
+            fit = refused
+
+    return propose_task(task, begin, use), plan, fit
+
+
 class Propose(OverLinks):
     """Proposes surfaces and skins, as ``skin-calib propose`` does, stores them as the plan of the link, and fits it."""
 
@@ -93,31 +110,15 @@ class Propose(OverLinks):
         task = Task(file, "m", settings.link, self.choice, facets.mesh())
         mesh, channel = Path(settings.mesh_file or f"{link.name}.ply"), robots.next_channel(link, context.scene)
         self.facets = facets
-
-        def compute(begin):
-            fitted = []
-
-            def fit(proposal):
-                if proposal.plan is None:
-                    return
-                plan = replace(numbered(proposal.plan, channel), mesh=mesh)
-                try:
-                    fitted.append((plan, results.fit(plan, task.mesh, begin, proposal.fits)))
-                except SkinCalibError as refused:
-                    fitted.append((plan, refused))
-
-            return propose_task(task, begin, fit), *fitted
-
-        return compute
+        return lambda begin: propose_and_fit(task, channel, mesh, begin)
 
     def store(self, context, link, result):
-        outcome, *fitted = result
+        outcome, given, fit = result
         proposal, settings = outcome.proposal, link.skin_calib
         if proposal is None:
             raise SkinCalibError(outcome.problem)
         if proposal.plan is None:
             raise InvalidPlan(proposal.reasons[-1])
-        ((given, fit),) = fitted
         plan = numbered(given, robots.next_channel(link, context.scene))  # others can have got skins in the meantime
         plans.check_numbers(plan, metres_per_unit(context.scene))
         plans.write_plan(link, context.scene, plan)

@@ -23,13 +23,13 @@ class Foothold:
     """The area of one sole that is not proven void.
 
     The pressed area is not the supporting area: right after a landing only an edge is pressed, and the rest still can
-    be. A cell is pressed if two frames in a row say so: noise alone makes single cells active now and then. It has
-    ground if it was pressed since the landing, and so have all cells in the hull of these. A plane
-    through the forces of the cells with ground, zero where they are silent now, says towards which side the sole
-    turns. A cell on this side is void if the plane expects a clear force on it, it is lower than the CoP, and it is
-    silent in several frames. A silent cell that is higher can hover over the ground. A cell is void no longer once it
-    is pressed, or in the hull. The area is the largest rectangle along the sole without void cells. The next foothold
-    is first assumed to be like the last one: on a beam, the void cells are the same again.
+    be. A cell is pressed if it is active in two frames in a row: noise alone makes single cells active now and then. A
+    cell has ground if it was pressed since the landing, and so have all cells in the hull of these. A plane through the
+    forces of the cells with ground, zero where they are silent now, says towards which side the sole turns. A cell on
+    this side is void if the plane expects a clear force on it, it is lower than the CoP, and it is silent in several
+    frames. A silent cell that is higher can hover over the ground. A cell is void no longer once it is pressed, or in
+    the hull. The area is the largest rectangle along the sole without void cells. The next foothold is first assumed to
+    be like the last one: on a beam, the void cells are the same again.
 
     Parameters
     ----------

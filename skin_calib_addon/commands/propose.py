@@ -10,7 +10,7 @@ from ..common.errors import InvalidMesh, OutputError, SkinCalibError, UnknownLin
 from ..common.findings import did_you_mean, show
 from ..plan import load_plan, named_from, save_plan
 from ..plan.skins import following_channel
-from ..proposal.links import Fitted, Outcome, Task, groups, numbered, plan_path, propose_group, propose_task
+from ..proposal.links import Fitted, Outcome, Task, groups, numbered, plan_path, propose_group, propose_task, robot_of
 from ..proposal.proposal import Proposal
 from ..proposal.skins import DEFAULT_SKIN, FORMS, parse_skin
 from ..robot.link_mesh import is_urdf, links_with_mesh
@@ -186,13 +186,20 @@ def _outcomes(tasks: Sequence[Task], processes: int) -> Iterator[Outcome]:
     if processes == 1 or len(tasks) <= 1:
         results: Iterator[list[Outcome]] = ([propose_task(task)] for task in tasks)
     else:
-        results = run_tasks(propose_group, groups(tasks), min(processes, len(tasks)), _lost)
+        results = run_tasks(propose_group, _grouped(tasks), min(processes, len(tasks)), _lost)
     for outcomes in results:
         for outcome in outcomes:
             progress.step()
             progress.show()
             yield outcome
     progress.clear()
+
+
+def _grouped(tasks: Sequence[Task]) -> Iterator[list[Task]]:
+    """Yield groups of tasks, which are found when the first one is needed: the processes start in the meantime."""
+    found = groups(tasks)
+    robot_of.cache_clear()  # each process reads the robot again
+    yield from found
 
 
 def _lost(tasks: Sequence[Task], problem: Exception) -> list[Outcome]:

@@ -3,7 +3,7 @@
 import re
 import traceback
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -141,8 +141,8 @@ def _mesh_of(task: Task) -> TriangleMesh:
     return load_urdf_mesh(task.file, task.link) if mesh is None else mesh
 
 
-def groups(tasks: Sequence[Task]) -> Iterator[list[Task]]:
-    """Yield the tasks in groups with common work: a link of a robot, and those that are like it.
+def groups(tasks: Sequence[Task]) -> list[list[Task]]:
+    """Return the tasks in groups with common work: a link of a robot, and those that are like it.
 
     Those with the largest area come first, so that no process is still busy with one of them in the end. The tasks have
     the twins, so that no process finds them again.
@@ -152,9 +152,7 @@ def groups(tasks: Sequence[Task]) -> Iterator[list[Task]]:
         twins = robot_of(task.file).twins if is_urdf(task.file) else {}
         twin = twins.get(task.link)
         found.setdefault(task.link if twin is None else twin.link, []).append(replace(task, twins=twins))
-    grouped = sorted(found.values(), key=lambda group: sum(map(_area, group)), reverse=True)
-    robot_of.cache_clear()  # each process reads the robot again
-    yield from grouped
+    return sorted(found.values(), key=lambda group: sum(map(_area, group)), reverse=True)
 
 
 def _area(task: Task) -> float:

@@ -12,7 +12,15 @@ from ..common.arrays import Array, IntArray
 from ..common.errors import CalibrationFormatError, InvalidMesh, SkinCalibError, UnknownLink
 from ..common.findings import did_you_mean, show
 from ..common.schema_types import matcher
-from ..geometry.mesh.triangle_mesh import MAX_MESH_SIZE, MIN_MESH_SIZE, TriangleMesh, load_mesh, read_mesh, weld
+from ..geometry.mesh.triangle_mesh import (
+    MAX_MESH_SIZE,
+    MIN_MESH_SIZE,
+    TriangleMesh,
+    load_mesh,
+    read_mesh,
+    stacked,
+    weld,
+)
 from ..plan import Plan
 from ..plan.keys import NAME as PLAN_NAME
 from .urdf import MAX_NUMBER, LinkMesh, Robot, read_robot
@@ -200,10 +208,7 @@ def load_link(urdf: Path, robot: Robot, link: str, use: str = "visual") -> Trian
 
 def _triangles(urdf: Path, robot: Robot, link: str, use: str) -> tuple[Array, IntArray]:
     """Return vertices [m] and faces of all meshes of a link for one use, in the link frame."""
-    placed = [_placed(mesh, read_mesh(find_file(mesh.address, urdf))) for mesh in meshes_of(robot, link, use)]
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in placed)])
-    faces = [faces + start for (_, faces), start in zip(placed, starts)]
-    return np.concatenate([vertices for vertices, _ in placed]), np.concatenate(faces)
+    return stacked([_placed(m, read_mesh(find_file(m.address, urdf))) for m in meshes_of(robot, link, use)])
 
 
 def _placed(mesh: LinkMesh, raw: TriangleMesh) -> tuple[Array, IntArray]:

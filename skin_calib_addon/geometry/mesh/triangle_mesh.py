@@ -165,9 +165,25 @@ def joined(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
     -------
     TriangleMesh
     """
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts)]
-    return weld(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
+    return weld(*stacked([(mesh.vertices, mesh.faces) for mesh in meshes]))
+
+
+def stacked(parts: Sequence[tuple[Array, IntArray]]) -> tuple[Array, IntArray]:
+    """Return the vertices and faces of several parts as those of one mesh, which is not welded.
+
+    Parameters
+    ----------
+    parts : sequence of arrays, shapes (v, 3) and (f, 3)
+        Vertices [m], in one frame, and faces.
+
+    Returns
+    -------
+    vertices, faces : array, shapes (v, 3) and (f, 3)
+        All of them [m].
+    """
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
+    faces = [faces + start for (_, faces), start in zip(parts, starts)]
+    return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(faces)
 
 
 def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
