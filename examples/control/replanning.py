@@ -32,7 +32,7 @@ MIN_AREA = 0.8  # epsilon_A of the thesis: parts of the sole near the ground up 
 NEAR = 0.012  # a proximity sensor with less is above what the sole stands on [m]
 CELL = 0.015  # half the distance of the proximity sensors [m]
 CLEARANCE = 0.015  # of the new step from the obstacle [m]
-MAX_RETRIES = 2
+MAX_RETRIES = 2  # of one step
 SOLE = convex_hull(HALF_SIZE * [(1, 1), (-1, 1), (-1, -1), (1, -1)])  # about its centre
 Array = np.ndarray
 
@@ -105,6 +105,7 @@ class Rule:
         self.areas[foot].append(touched.area / full_sole().area)
         is_unsafe = touched.kind != "empty" and must_replan(self.areas[foot][-1], MIN_AREA)
         if not is_unsafe or self.retries == MAX_RETRIES:
+            self.retries = 0  # for the next step
             return None
         self.retries += 1
         return shift_off(touched, foot)

@@ -55,7 +55,7 @@ class Gait:
     double: float = 0.3  # [s]
     hold: float = 0.0  # after a landing, in which the ZMP stays below the other foot [s]. Larger: slower, and safer
     start: float = 1.0  # of the first shift [s]
-    end: float = 0.5  # of standing after the last step [s]
+    end: float = 3.0  # of standing after the last step, in which a bad foothold shows [s]
     lift: float = 0.05  # [m]
     landing_speed: float = 0.08  # of a foot that meets the ground [m/s]
     wait: float = 0.15  # at most, until it is known where the ground bears a foot that has landed [s]
@@ -493,8 +493,11 @@ def quintic(part: float) -> float:
 
 
 def walk(robot: Biped, walker: Walker, seconds: float, push=lambda time: None, each=lambda robot: None) -> bool:
-    """Simulate until the walk is done, the robot has fallen, or the time is over; return whether it stands."""
-    while robot.data.time < seconds and not walker.done and not robot.fallen:
+    """Simulate until the walk is done, the robot has fallen, or the time is over; return whether it stands.
+
+    The time is that of the walk; the robot then stands for that of its gait, and is judged at the end.
+    """
+    while robot.data.time < seconds + walker.gait.end and not walker.done and not robot.fallen:
         senses = robot.senses()
         targets, torques = walker.cycle(senses)
         robot.step(targets, torques, push(senses.time))
