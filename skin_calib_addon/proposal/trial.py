@@ -25,8 +25,8 @@ from .link_points import LinkPoints
 # [m] of planes and lines. Larger: smoother surfaces that follow less of the link (16 mm: 5551 instead of 5763 cm^2 on
 # the G1; 8 mm: as much as 12 mm, in 1.2 times the time).
 KNOT_DISTANCE = 0.012
-# [m] radius of a disc that covered parts must contain everywhere. Larger: no narrow parts (half: 963, double: 901
-# instead of 943 cm^2 on four links of the G1, with the same number of boards).
+# [m] radius of a disc that covered parts must contain everywhere. Larger: no narrow parts (half: 6029 instead of 5980
+# cm^2 on the G1, with as many cells).
 OPENING = 0.005
 # [1] ratio of the steps from a site to its neighbours above which only the shorter one is on the part that a surface
 # covers; next to it the surface may be anywhere. Larger: wrong areas at edges of parts; smaller: areas of uneven sites
@@ -130,20 +130,25 @@ class Start:
     def trial(self, on: LinkPoints) -> Trial | None:
         """Fit a surface to the wanted points of a link; None if it covers nothing.
 
-        Each fit leaves out the samples that are far from the surface before, so that steps do not pull it.
+        Each fit leaves out the samples that are far from the surface before, so that steps do not pull it. The last two
+        also leave out those where it is not along the mesh, so that rounded edges do not bend it.
         """
-        lines, basis, offsets, samples = self.lines, self.basis, self.offsets, self.samples
+        basis, offsets, samples, closed = self.basis, self.offsets, self.samples, self.parametrization.closed
+        arms = basis.blend(offsets[..., None] * self.lines.directions)
         faces = self.rows.mesh.face_normals[samples.faces]
         slopes = np.abs((samples.rays * faces).sum(axis=2))
         wanted = is_wanted(on, samples, faces) & (slopes > MIN_RAY_COSINE)
-        wanted = opened(wanted, samples.points, self.parametrization.closed)
+        wanted = opened(wanted, samples.points, closed)
         for limit in (np.inf, 4 * MAX_DISTANCE, 2 * MAX_DISTANCE, MAX_DISTANCE):
             used = wanted & (np.abs(samples.residuals * slopes) < limit)
+            if limit <= 2 * MAX_DISTANCE:
+                used &= are_along(cells_of(samples.origins + arms, closed), self.rows.mesh.face_normals[samples.faces])
             if not used.any():
                 return None
             offsets = offsets + basis.solve(np.where(used, samples.residuals, np.nan), offsets)
-            samples = self.rows.cast(basis.blend(offsets[..., None] * lines.directions))
-        return judged(self.rows, on, self.parametrization, lines, offsets, basis)
+            arms = basis.blend(offsets[..., None] * self.lines.directions)
+            samples = self.rows.cast(arms)
+        return judged(self.rows, on, self.parametrization, self.lines, offsets, basis)
 
 
 def is_wanted(on: LinkPoints, samples: RaySamples, faces: Array) -> BoolArray:
@@ -195,14 +200,14 @@ def judged(
     samples = rows.cast(arms)
     faces = rows.mesh.face_normals[samples.faces]
     points = samples.origins + arms
-    normals = np.cross(steps_on(points, 0), steps_on(points, 1, parametrization.closed))
-    areas = np.linalg.norm(normals, axis=2)
+    cells = cells_of(points, parametrization.closed)
+    areas = np.linalg.norm(cells, axis=2)
     areas[[0, -1]] /= 2  # sites at the edges stand for half a cell
     if not parametrization.closed:
         areas[:, [0, -1]] /= 2
     good = is_wanted(on, samples, faces)
     good &= np.abs(samples.residuals * (samples.rays * faces).sum(axis=2)) < MAX_DISTANCE
-    good &= np.abs((unit(normals) * faces).sum(axis=2)) > np.cos(MAX_ANGLE)
+    good &= are_along(cells, faces)
     part = largest_part(opened(good, samples.points, parametrization.closed), areas, parametrization.closed)
     if part is None:
         return None
@@ -230,6 +235,28 @@ def opened(mask: BoolArray, points: Array, closed: bool) -> BoolArray:
     wide = np.pad(mask, ((0, 0), (extra, extra)), mode="wrap")
     result: BoolArray = ndimage.binary_opening(wide, disc)[:, extra : extra + mask.shape[1]]
     return result
+
+
+def cells_of(points: Array, closed: bool) -> Array:
+    """Return the cells around the points (k, l, 3) of a surface as vectors: along the normals, as long as their areas.
+
+    If the surface is ``closed``, its last column is next to the first.
+    """
+    return np.cross(steps_on(points, 0), steps_on(points, 1, closed))
+
+
+def are_along(cells: Array, faces: Array) -> BoolArray:
+    """Return which cells of a surface are within ``MAX_ANGLE`` of faces, shape (k, l).
+
+    Parameters
+    ----------
+    cells : array, shape (k, l, 3)
+        Along the normals.
+    faces : array, shape (k, l, 3)
+        Unit normals of the faces.
+    """
+    along: BoolArray = np.abs((unit(cells) * faces).sum(axis=2)) > np.cos(MAX_ANGLE)
+    return along
 
 
 def steps_on(points: Array, axis: int, closed: bool = False) -> Array:
