@@ -10,6 +10,7 @@ ROW = 13  # a button is 20 pixels high at a scale of one
 # Fractions of the width at which rows of up to four buttons, and those next to lists, are met; the middle first.
 COLUMNS = (0.5, 0.17, 0.83, 0.28, 0.7)
 FINE = 4  # pixels between the places at which the ends of a button are looked for
+TAB = 20  # a tab is higher than this
 HIGH = 40  # pixels above and below a place on a button, among which its ends are
 
 _seen = []
@@ -54,17 +55,79 @@ def find(gui, name):
             before, place = place, tuple(here.view2d.region_to_view(0, 0))
             if before == place:
                 break
-        scale = bpy.context.preferences.system.ui_scale
-        rows = range(here.y + here.height - round(ROW * scale), here.y, -round(ROW * scale))
-        columns = [here.x + here.width * fraction for fraction in COLUMNS]
-        for x in columns:
-            places = [(x, y) for y in rows]
+        for x in [here.x + here.width * fraction for fraction in COLUMNS]:
+            places = [(x, y) for y in _rows(here)]
             seen = yield from _look(gui, places)
             known |= {one for one in seen if one}
             hits = [(one, at) for one, at in zip(seen, places) if one and _is_named(one, name)]
             if hits:
                 return (yield from _middle(gui, here, *hits[0]))
     raise LookupError(f"no button {name!r} in the sidebar; there are {sorted(known)}")
+
+
+def open_tab(gui, name):
+    """Click on a tab of the sidebar, which N opens. Tabs cannot be asked for their names: others are tried first.
+
+    A click on the open tab closes the sidebar.
+    """
+    if not gui.area().spaces.active.show_region_ui:
+        yield from gui.key("N")
+        yield from gui.redraw(3)
+    here, step = gui.region("UI"), round(TAB * bpy.context.preferences.system.ui_scale)
+    right, width = here.x + here.width, here.width
+    for y in range(here.y + here.height - step, here.y, -step):
+        if here.active_panel_category == name:
+            break
+        yield from try_click(gui, right - step / 2, y)
+        if gui.region("UI").width < width:
+            yield from try_click(gui, right - step / 2, y)
+    assert gui.region("UI").width == width and here.active_panel_category == name, f"no tab {name!r} in the sidebar"
+
+
+def open_line(gui, states, name):
+    """Click on the line of a closed part of the sidebar. Lines are no buttons: others are tried, and closed again.
+
+    ``states`` returns the properties that keep what is open.
+    """
+    if getattr(states(), name):
+        return
+    for place in (yield from _without_button(gui)):
+        before = _open(states())
+        yield from try_click(gui, *place)
+        if name in _open(states()):
+            return
+        if before != _open(states()):
+            yield from try_click(gui, *place)
+    raise LookupError(f"no line {name!r} in the sidebar")
+
+
+def _open(states):
+    """Return the names of the properties that are switched on."""
+    items = states.bl_rna.properties
+    return {item.identifier for item in items if item.type == "BOOLEAN" and getattr(states, item.identifier)}
+
+
+def _without_button(gui):
+    """Return the positions in the left third of the sidebar where there is no button."""
+    here = gui.region("UI")
+    places = [(here.x + 0.3 * here.width, y) for y in _rows(here)]
+    seen = yield from _look(gui, places)
+    known, one = next((place, one) for place, one in zip(places, seen) if one)
+    # Without a button the last one is recorded again: the known one, if the mouse comes from there.
+    seen = yield from _look(gui, [at for place in places for at in (known, place)])
+    return [place for place, button in zip(places, seen[1::2]) if button == one and place != known]
+
+
+def _rows(here):
+    """Return heights such that each row of a sidebar is met."""
+    step = round(ROW * bpy.context.preferences.system.ui_scale)
+    return range(here.y + here.height - step, here.y, -step)
+
+
+def try_click(gui, x, y):
+    """Click where the tab or line may be that is looked for. If clicks are counted, these are not."""
+    yield from type(gui).click(gui, x, y)
+    yield from gui.redraw(2)
 
 
 def _is_named(button, name):

@@ -8,7 +8,7 @@ import json
 import os
 
 import bpy
-from buttons import find, press
+from buttons import find, open_line, open_tab, press
 from drive_robot import active, links, proposed, running, selects_a_row
 from mathutils import Vector
 from sample import hover_view, ours
@@ -16,8 +16,8 @@ from sample import hover_view, ours
 
 def drive(gui):
     part, path = gui.args
-    yield from gui.tab("Skin")
     yield from hover_view(gui)
+    yield from open_tab(gui, "Skin")
     yield from {"limb": limb, "sole": sole, "robot": robot}[part](gui, path)
 
 
@@ -61,14 +61,6 @@ def fitted(gui, taxels):
     yield from gui.redraw(3)
 
 
-def opened(gui, step):
-    """Open a step of the tab by a click on its line, which is a property."""
-    if not getattr(plan().steps, step):
-        setattr(plan().steps, step, True)
-        bpy.ops.ed.undo_push(message="Step")
-    yield from gui.redraw(2)
-
-
 def limb(gui, path):
     """Check Mesh, a cut by a click near the end, Fit, a sheet of 5 by 20 taxels."""
     yield from opens(gui, path)
@@ -77,7 +69,7 @@ def limb(gui, path):
     found = " ".join(finding.message for finding in plan().diagnosis.findings)
     assert "part" in found and "These settings fit" in found, found
     yield from gui.shot("1_limb.png", area="VIEW_3D")
-    yield from opened(gui, "cut")
+    yield from open_line(gui, lambda: plan().steps, "cut")
     yield from press(gui, "skin_calib.cut_place")
     box = [Vector(corner) for corner in active().bound_box]
     low, high = min(c.z for c in box), max(c.z for c in box)
@@ -113,7 +105,7 @@ def exports(gui, taxels):
 def sole(gui, path):
     """Kind Across, Fit, boards of 8 mm; one is removed by a click, another one disabled."""
     yield from opens(gui, path)
-    yield from opened(gui, "grid")
+    yield from open_line(gui, lambda: plan().steps, "grid")
     yield from press(gui, "skin_calib.grid.kind")
     yield 0.5
     yield from gui.key("C")  # Across
