@@ -14,8 +14,7 @@ from sample import hover_view, ours
 ROOT = Path(__file__).resolve().parents[2]
 OK = -61, -93  # from where the zip is dropped to the button of the dialogue [pixel]
 MODULE = "bl_ext.user_default.skin_calib"
-# The drop of the zip, the key N, two tabs, the kind of heat map, and a click into two fields that the driver enters by a
-# key.
+# The drop of the zip, the key N, two tabs, the kind of heat map, and clicks into two fields that are entered by a key.
 OTHER_CLICKS = 7
 MAX_CLICKS = 25
 
