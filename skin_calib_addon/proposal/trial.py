@@ -130,8 +130,8 @@ class Start:
     def trial(self, on: LinkPoints) -> Trial | None:
         """Fit a surface to the wanted points of a link; None if it covers nothing.
 
-        Each fit leaves out the samples that are far from the surface before, so that steps do not pull it. The last two
-        also leave out those where it is not along the mesh, so that rounded edges do not bend it.
+        Each fit leaves out the samples that are far from the surface before, so that steps do not pull it, and those
+        where it is not along the mesh, so that rounded edges do not bend it.
         """
         basis, offsets, samples, closed = self.basis, self.offsets, self.samples, self.parametrization.closed
         arms = basis.blend(offsets[..., None] * self.lines.directions)
@@ -139,9 +139,9 @@ class Start:
         slopes = np.abs((samples.rays * faces).sum(axis=2))
         wanted = is_wanted(on, samples, faces) & (slopes > MIN_RAY_COSINE)
         wanted = opened(wanted, samples.points, closed)
-        for limit in (np.inf, 4 * MAX_DISTANCE, 2 * MAX_DISTANCE, MAX_DISTANCE):
+        for limit in (np.inf, 2 * MAX_DISTANCE, MAX_DISTANCE):
             used = wanted & (np.abs(samples.residuals * slopes) < limit)
-            if limit <= 2 * MAX_DISTANCE:
+            if np.isfinite(limit):  # there is a surface before
                 used &= are_along(cells_of(samples.origins + arms, closed), self.rows.mesh.face_normals[samples.faces])
             if not used.any():
                 return None

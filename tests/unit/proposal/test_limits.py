@@ -120,9 +120,9 @@ def test_parts_narrower_than_10_mm_are_left_out(width, stays):
     assert opened(mask, points, False).any() == stays
 
 
-@pytest.mark.parametrize(("size", "count"), [((0.019, 0.03), 0), ((0.022, 0.03), 1)])
-def test_surface_of_6_cm2_is_proposed(size, count):
-    """A plate of 5.7 cm^2 has none, one of 6.6 cm^2 has one."""
+@pytest.mark.parametrize(("size", "count"), [((0.022, 0.03), 0), ((0.025, 0.03), 1)])
+def test_surface_of_7_cm2_is_proposed(size, count):
+    """A plate of 6.6 cm^2 has none, one of 7.5 cm^2 has one."""
     mesh = plate(*size)
     assert len(propose_surfaces(mesh, LinkPoints.of(mesh))) == count
 
