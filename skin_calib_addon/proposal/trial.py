@@ -238,9 +238,19 @@ def opened(mask: BoolArray, points: Array, closed: bool) -> BoolArray:
 
 
 def cells_of(points: Array, closed: bool) -> Array:
-    """Return the cells around the points (k, l, 3) of a surface as vectors: along the normals, as long as their areas.
+    """Return the cells around the points of a surface as vectors along the normals, as long as their areas.
 
-    If the surface is ``closed``, its last column is next to the first.
+    Parameters
+    ----------
+    points : array, shape (k, l, 3)
+        Of the surface at the sites [m].
+    closed : bool
+        Whether the last column is next to the first.
+
+    Returns
+    -------
+    array, shape (k, l, 3)
+        [m^2]
     """
     return np.cross(steps_on(points, 0), steps_on(points, 1, closed))
 
