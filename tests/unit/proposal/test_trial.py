@@ -24,6 +24,24 @@ def test_what_a_surface_does_far_away_does_not_change_its_part():
     assert half.steps == pytest.approx(near.steps, rel=0.01)
 
 
+@pytest.mark.parametrize("degrees", [45, 60])
+@pytest.mark.parametrize("flat", [0.060, 0.063, 0.066])
+def test_rounded_edges_do_not_bend_the_surface_next_to_them(flat, degrees):
+    """A strip with edges of a radius of 3 mm, and slopes of 6 mm beyond them, is covered up to these."""
+    radius, slope, angle = 3e-3, 6e-3, np.deg2rad(degrees)
+
+    def height(x, y):
+        beyond, end = np.clip(np.abs(x - flat / 2 - slope) - flat / 2, 0, None), radius * np.sin(angle)
+        arc = np.sqrt(radius**2 - np.minimum(beyond, end) ** 2) - radius
+        return np.where(beyond < end, arc, radius * (np.cos(angle) - 1) - (beyond - end) * np.tan(angle))
+
+    mesh = sheet(height, (flat + 2 * slope, 0.1), (120, 20))
+    on = LinkPoints.of(mesh)
+    trial = Start.of(mesh, on, Across(normal=(0.0, 0.0, 1.0))).trial(on)
+    is_flat = np.abs(trial.points[..., 0] - flat / 2 - slope) < flat / 2
+    assert trial.good[is_flat].mean() > 0.99  # .90 to .99 when samples beyond the edges counted
+
+
 def test_long_steps_do_not_count():
     """Sites next to one that is far away have the step to their other neighbour; around a tube, too."""
     x = np.array((0.0, 1.0, 3.0, 20.0))
