@@ -1,6 +1,7 @@
 """Make the pictures of the window in the documentation from the screenshots of its drivers.
 
-../shared/blender/drive-gui --install . --size 1000x1150 --out out/steps tests/gui/drive_steps.py
+python scripts/make_extension.py --platform linux-x64 --without-wheels    # it prints the path of the ZIP
+../shared/blender/drive-gui --size 1000x1150 --out out/steps tests/gui/drive_steps.py ZIP
 ../shared/blender/drive-gui --install . --size 1200x1300 --out out/cut --blend sample_scenes/wrist.blend \
     tests/gui/drive_cut.py
 python scripts/step_pictures.py out

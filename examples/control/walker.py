@@ -495,7 +495,7 @@ def quintic(part: float) -> float:
 def walk(robot: Biped, walker: Walker, seconds: float, push=lambda time: None, each=lambda robot: None) -> bool:
     """Simulate until the walk is done, the robot has fallen, or the time is over; return whether it stands.
 
-    The time is that of the walk; the robot then stands for that of its gait, and is judged at the end.
+    The time is that for the steps; after them the robot still stands for ``walker.gait.end`` [s].
     """
     while robot.data.time < seconds + walker.gait.end and not walker.done and not robot.fallen:
         senses = robot.senses()

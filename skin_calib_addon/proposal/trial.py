@@ -133,21 +133,23 @@ class Start:
         Each fit leaves out the samples that are far from the surface before, so that steps do not pull it, and those
         where it is not along the mesh, so that rounded edges do not bend it.
         """
-        basis, offsets, samples, closed = self.basis, self.offsets, self.samples, self.parametrization.closed
-        arms = basis.blend(offsets[..., None] * self.lines.directions)
+        basis, samples, closed = self.basis, self.samples, self.parametrization.closed
         faces = self.rows.mesh.face_normals[samples.faces]
         slopes = np.abs((samples.rays * faces).sum(axis=2))
         wanted = is_wanted(on, samples, faces) & (slopes > MIN_RAY_COSINE)
         wanted = opened(wanted, samples.points, closed)
-        for limit in (np.inf, 2 * MAX_DISTANCE, MAX_DISTANCE):
+        if not wanted.any():
+            return None
+        offsets = self.offsets + basis.solve(np.where(wanted, samples.residuals, np.nan), self.offsets)
+        for limit in (2 * MAX_DISTANCE, MAX_DISTANCE):
+            arms = basis.blend(offsets[..., None] * self.lines.directions)
+            samples = self.rows.cast(arms)
             used = wanted & (np.abs(samples.residuals * slopes) < limit)
-            if np.isfinite(limit):  # there is a surface before
-                used &= are_along(cells_of(samples.origins + arms, closed), self.rows.mesh.face_normals[samples.faces])
+            vectors = area_vectors(samples.origins + arms, closed)
+            used &= are_along(vectors, self.rows.mesh.face_normals[samples.faces])
             if not used.any():
                 return None
             offsets = offsets + basis.solve(np.where(used, samples.residuals, np.nan), offsets)
-            arms = basis.blend(offsets[..., None] * self.lines.directions)
-            samples = self.rows.cast(arms)
         return judged(self.rows, on, self.parametrization, self.lines, offsets, basis)
 
 
@@ -200,14 +202,14 @@ def judged(
     samples = rows.cast(arms)
     faces = rows.mesh.face_normals[samples.faces]
     points = samples.origins + arms
-    cells = cells_of(points, parametrization.closed)
-    areas = np.linalg.norm(cells, axis=2)
+    vectors = area_vectors(points, parametrization.closed)
+    areas = np.linalg.norm(vectors, axis=2)
     areas[[0, -1]] /= 2  # sites at the edges stand for half a cell
     if not parametrization.closed:
         areas[:, [0, -1]] /= 2
     good = is_wanted(on, samples, faces)
     good &= np.abs(samples.residuals * (samples.rays * faces).sum(axis=2)) < MAX_DISTANCE
-    good &= are_along(cells, faces)
+    good &= are_along(vectors, faces)
     part = largest_part(opened(good, samples.points, parametrization.closed), areas, parametrization.closed)
     if part is None:
         return None
@@ -237,8 +239,8 @@ def opened(mask: BoolArray, points: Array, closed: bool) -> BoolArray:
     return result
 
 
-def cells_of(points: Array, closed: bool) -> Array:
-    """Return the cells around the points of a surface as vectors along the normals, as long as their areas.
+def area_vectors(points: Array, closed: bool) -> Array:
+    """Return vectors along the normals of a surface at the sites, as long as the area that each site stands for.
 
     Parameters
     ----------
@@ -255,17 +257,17 @@ def cells_of(points: Array, closed: bool) -> Array:
     return np.cross(steps_on(points, 0), steps_on(points, 1, closed))
 
 
-def are_along(cells: Array, faces: Array) -> BoolArray:
-    """Return which cells of a surface are within ``MAX_ANGLE`` of faces, shape (k, l).
+def are_along(vectors: Array, faces: Array) -> BoolArray:
+    """Return at which sites a surface is within ``MAX_ANGLE`` of the faces, shape (k, l).
 
     Parameters
     ----------
-    cells : array, shape (k, l, 3)
-        Along the normals.
+    vectors : array, shape (k, l, 3)
+        Along the normals of the surface, of any length.
     faces : array, shape (k, l, 3)
-        Unit normals of the faces.
+        Unit normals of the faces that the rays of the sites hit, to either side.
     """
-    along: BoolArray = np.abs((unit(cells) * faces).sum(axis=2)) > np.cos(MAX_ANGLE)
+    along: BoolArray = np.abs((unit(vectors) * faces).sum(axis=2)) > np.cos(MAX_ANGLE)
     return along
 
 

@@ -78,9 +78,9 @@ def open_tab(gui, name):
     for y in range(here.y + here.height - step, here.y, -step):
         if here.active_panel_category == name:
             break
-        yield from try_click(gui, right - step / 2, y)
+        yield from _try_click(gui, right - step / 2, y)
         if gui.region("UI").width < width:
-            yield from try_click(gui, right - step / 2, y)
+            yield from _try_click(gui, right - step / 2, y)
     assert gui.region("UI").width == width and here.active_panel_category == name, f"no tab {name!r} in the sidebar"
 
 
@@ -93,11 +93,11 @@ def open_line(gui, states, name):
         return
     for place in (yield from _without_button(gui)):
         before = _open(states())
-        yield from try_click(gui, *place)
+        yield from _try_click(gui, *place)
         if name in _open(states()):
             return
         if before != _open(states()):
-            yield from try_click(gui, *place)
+            yield from _try_click(gui, *place)
     raise LookupError(f"no line {name!r} in the sidebar")
 
 
@@ -124,7 +124,7 @@ def _rows(here):
     return range(here.y + here.height - step, here.y, -step)
 
 
-def try_click(gui, x, y):
+def _try_click(gui, x, y):
     """Click where the tab or line may be that is looked for. If clicks are counted, these are not."""
     yield from type(gui).click(gui, x, y)
     yield from gui.redraw(2)
