@@ -40,21 +40,21 @@ def main():
     bpy.ops.skin_calib.fit()
     plan.live, live.FIT_DELAY = True, 1e9
     print(f"Blender {bpy.app.version_string}, previews in ms: median, best, median and maximum CPU")
-    measure(live, link, "wrist", CHANGES)
+    measure(live, link, "wrist", CHANGES | CUT)
     plan.skins[0].rows, plan.skins[0].columns = MANY
     plan.skins[0].pitch = plan.skins[0].pitch[0] * 6 / MANY[0], plan.skins[0].pitch[1] * 20 / MANY[1]
-    measure(live, link, "10 000 taxels", CHANGES)
+    measure(live, link, "10 000 taxels", CHANGES | CUT)
     plan.skins[0].rows, plan.skins[0].columns, plan.skins[0].pitch = 6, 20, (0.01, 0.01)
     coarse = link.data.copy()
     link.modifiers.new("finer", "SUBSURF").levels = 2
     bpy.ops.object.modifier_apply(modifier="finer")
     fine = f"{len(link.data.polygons):,} faces".replace(",", " ")
-    measure(live, link, fine, CHANGES)
+    measure(live, link, fine, CHANGES | CUT)
     fine_mesh = link.data.copy()
     decimate = link.modifiers.new("fewer", "DECIMATE")
     decimate.ratio = 1e5 / len(link.data.loop_triangles)
     bpy.ops.object.modifier_apply(modifier="fewer")
-    measure(live, link, "10^5 triangles", CHANGES)
+    measure(live, link, "10^5 triangles", CHANGES | CUT)
     bpy.ops.skin_calib.planes_place()
     measure(live, link, "10^5 triangles", BY_HAND)
     for case, link.data in ((fine, fine_mesh), ("wrist", coarse)):
@@ -83,6 +83,7 @@ def measure(live, link, case, changes, repeats=REPEATS):
             cpu = cpu[FIRST:]
             times = statistics.median(seconds[FIRST:]), min(seconds), statistics.median(cpu), max(cpu)
             print(f"{case:16} {what:26} " + " ".join(f"{t:6.1f}" for t in times), flush=True)
+        link.skin_calib.cover.cuts.clear()
 
 
 def rows(plan, k):
@@ -118,6 +119,14 @@ def hand(plan, k):
     plan.grid.u[4].point[2] += 0.0001
 
 
+def cut(plan, k):
+    """Move a cut by a tenth of a millimetre."""
+    if not plan.cover.cuts:
+        item = plan.cover.cuts.add()
+        item.point, item.normal = (0.0, 0.0, 0.012), (0.0, 0.0, 1.0)
+    plan.cover.cuts[0].point[2] += 0.0001
+
+
 def tilt(plan, k):
     """Tilt a plane."""
     plan.grid.u[4].normal = (0.005 * k, 0, 1)
@@ -133,6 +142,7 @@ CHANGES = {
     "the same with uncertainty": even,
 }
 HEAT = {"the same with the error": "ERROR", "the same with uncertainty": "UNCERTAINTY"}
+CUT = {"a cut moves": cut}
 BY_HAND = {
     "hand-placed plane moved": hand,
     "hand-placed plane tilted": tilt,

@@ -170,6 +170,32 @@ def test_many_planes_have_a_coarse_preview_and_an_exact_fit(bpy, updates, follow
     assert plan.result.mean == followed
 
 
+def test_cut_that_moves_takes_the_lines_of_the_last_fit_along(bpy, updates, preview, following, monkeypatch):
+    """Neither axis nor spacing is sought while it moves; the surface is near the exact one, which follows."""
+    plan, fits = following.skin_calib, []
+    plan.grid.spacing = "auto"
+    cut = plan.cover.cuts.add()
+    cut.point, cut.normal = (0.0, 0.0, 0.004), (0.0, 0.0, 1.0)
+    rest(updates, monkeypatch)
+    monkeypatch.setattr(updates, "FIT_DELAY", 60.0)
+    real = preview.fit_grid
+    monkeypatch.setattr(preview, "fit_grid", lambda *given: fits.append(1) or real(*given))
+    for height in (0.005, 0.006):
+        cut.point[2] = height
+        look(updates)
+        report = updates.reports[following.name]
+        assert report.refusal is None and report.coarse and not fits
+    moving = report.mean
+    plan.skins[0].columns += 1
+    look(updates)
+    report = updates.reports[following.name]
+    assert fits == [1] and not report.coarse and report.mean < moving < 1.5 * report.mean
+    rest(updates, monkeypatch)
+    followed = plan.result.mean
+    bpy.ops.skin_calib.fit()
+    assert plan.result.mean == followed
+
+
 def test_large_mesh_has_a_coarse_preview_and_an_exact_fit(bpy, updates, preview, following, monkeypatch):
     """The status says so; where only the exact surface can be fitted, the preview has this one."""
     fits, plan = [], following.skin_calib

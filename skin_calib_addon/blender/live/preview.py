@@ -12,8 +12,10 @@ import numpy as np
 from ...common.errors import SkinCalibError
 from ...common.file_hash import file_hash
 from ...common.warnings import Warning
-from ...geometry import SurfaceFit, cut_cover, fit_grid
+from ...geometry import SurfaceFit, cut_cover, fit_grid, fit_surface
 from ...geometry.grid.grids import Grid, Size
+from ...geometry.grid.parametrizations import ParametrizedLines
+from ...geometry.mesh.outliers import without_outliers
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline.place_skins import Draft, PlacedSkin, place_all
 from ...pipeline.sources import taxel_files
@@ -40,7 +42,7 @@ class PreviewReport:
     mean: float = 0.0  # distance along the rays of the fit [m]
     seconds: float = 0.0  # from the change to the preview [s]
     interpolated: bool = False  # whether cells are between others that have been placed
-    coarse: bool = False  # whether a surface with a large mesh or grid was fitted fast and not exactly
+    coarse: bool = False  # whether a surface was fitted fast and not exactly: large mesh or grid, or cuts move
     left_out: bool = False  # whether skins are left out, because the search for boards takes long
     refusal: Warning | None = None  # why there is no preview or fit; the other values are then invalid
 
@@ -121,21 +123,28 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     judged = "TILT" in given.shown, "UNCERTAINTY" in given.shown
     draft = Draft(cache.placed, *judged)
 
-    def placed_on(coarse: bool) -> tuple[dict[str, SurfaceFit], tuple[PlacedSkin, ...]]:
-        fits = {surface.name: _fit(cache, mesh, plan, surface, coarse) for surface in plan.surfaces}
+    def placed_on(coarse: bool, is_moving: bool) -> tuple[dict[str, SurfaceFit], tuple[PlacedSkin, ...]]:
+        fits = {
+            surface.name: _fit(cache, covers[surface.name], plan, surface, coarse, is_moving)
+            for surface in plan.surfaces
+        }
         return fits, cache.step("placed", (fits, (skins, judged)), _same_fits, lambda: place_all(plan, fits, draft))
 
     sizes = [surface.grid.size for surface in plan.surfaces if isinstance(surface.grid, Grid)]
     planes = max((size.n for size in sizes if isinstance(size, Size)), default=0)
     coarse = len(mesh.faces) > MAX_EXACT_FACES or planes > MAX_EXACT_PLANES
     try:
+        covers_before = [cache.steps.get(f"cover {surface.name}") for surface in plan.surfaces]
+        covers = {surface.name: _cover(cache, mesh, plan, surface) for surface in plan.surfaces}
+        # The same mesh with other cuts. Another mesh may have another axis.
+        is_moving = any(b and b[0][0] is mesh and b[1] is not covers[k] for b, k in zip(covers_before, covers))
         try:
-            fits, placed = placed_on(coarse)
+            fits, placed = placed_on(coarse, is_moving)
         except SkinCalibError:
-            if not coarse:
+            if not coarse and not is_moving:
                 raise
-            coarse = False  # only what cannot be fitted exactly is refused
-            fits, placed = placed_on(coarse)
+            coarse = is_moving = False  # only what cannot be fitted exactly is refused
+            fits, placed = placed_on(coarse, is_moving)
     except SkinCalibError as error:
         return Preview(sketch, report=PreviewReport(refusal=refusal_of(error)))
     layers = layers_of(SimpleNamespace(fits=fits, placed=placed), is_preview=True)
@@ -144,7 +153,9 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     interpolated = any(done.sheet is not None and done.sheet.interpolated for done in placed)
     mean = max(float(np.nanmean(np.abs(fit.residuals))) for fit in fits.values())
     left_out = len(plan.skins) < len(given_skins)
-    return Preview(sketch, layers, PreviewReport(mean, perf_counter() - given.start, interpolated, coarse, left_out))
+    return Preview(
+        sketch, layers, PreviewReport(mean, perf_counter() - given.start, interpolated, coarse or is_moving, left_out)
+    )
 
 
 def placed_at_once(skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
@@ -167,14 +178,35 @@ def placed_at_once(skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
     return tuple(kept)
 
 
-def _fit(cache: StepCache, mesh: TriangleMesh, plan: Plan, surface: Surface, coarse: bool) -> SurfaceFit:
-    """Return the fit of one surface of a plan, from the cache where nothing has changed."""
+def _cover(cache: StepCache, mesh: TriangleMesh, plan: Plan, surface: Surface) -> TriangleMesh:
+    """Return the cover of one surface of a plan, from the cache where nothing has changed."""
     with naming_surface(plan, surface.name):
-        cover = cache.step(
+        cover: TriangleMesh = cache.step(
             f"cover {surface.name}", (mesh, surface.cover), _equal, lambda: cut_cover(mesh, surface.cover)
         )
-        grid = surface.grid, surface.degree, surface.chords, surface.max_deviation, coarse
-        fit: SurfaceFit = cache.step(f"fit {surface.name}", (cover, *grid), _equal, lambda: fit_grid(cover, *grid))
+    return cover
+
+
+def _fit(
+    cache: StepCache, cover: TriangleMesh, plan: Plan, surface: Surface, coarse: bool, is_moving: bool
+) -> SurfaceFit:
+    """Return the fit of one surface of a plan, from the cache where nothing has changed.
+
+    While cuts move, the lines of the last fit move with them, if the rest is the same.
+    """
+    settings = surface.grid, surface.degree, surface.chords, surface.max_deviation, coarse
+    step = f"fit {surface.name}"
+    given_before, before = cache.steps.get(step, (None, None))
+
+    def fitted() -> SurfaceFit:
+        is_same = is_moving and before is not None and given_before[1:-1] == settings
+        if is_same and isinstance(surface.grid, Grid) and isinstance(before.lines, ParametrizedLines):
+            lines = surface.grid.moved_lines(before.lines, without_outliers(cover)[0])
+            return fit_surface(cover, lines, *settings[1:])
+        return fit_grid(cover, *settings)
+
+    with naming_surface(plan, surface.name):
+        fit: SurfaceFit = cache.step(step, (cover, *settings, is_moving), _equal, fitted)
     return fit
 
 

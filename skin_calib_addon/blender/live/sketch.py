@@ -6,11 +6,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, unit
+from ...common.arrays import Array, unit
 from ...common.errors import InvalidMesh, InvalidPlan
 from ...geometry.grid.grids import check_order
-from ...geometry.mesh.cover import is_outer, one_side
-from ...geometry.mesh.triangle_mesh import TriangleMesh, weld
+from ...geometry.mesh.cover import is_outer, kept_side, one_side, outer_shells, seen_faces
+from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...geometry.mesh.visibility import visibility
 from ...geometry.sampling.planes import Planes, perpendicular
 from ...geometry.sampling.sections import cut_sections
@@ -75,7 +75,7 @@ def _check_order(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPl
 def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> TriangleMesh:
     """Return the mesh without the cut parts and those that are not outside; draw the removed parts."""
     valid = [i for i in range(len(planes.points["CUT"])) if ("CUT", i) not in sketch.wrong]
-    cuts = tuple((*planes.points["CUT"][i], *unit(planes.normals["CUT"][i])) for i in valid)
+    cuts = tuple((*planes.points["CUT"][i].tolist(), *unit(planes.normals["CUT"][i]).tolist()) for i in valid)
     cover = _cover(mesh, cuts, planes.shell)
     _draw(sketch, "CUT", cover.seen, planes, "removes nothing")
     for k in cover.complete:
@@ -99,26 +99,22 @@ class _Cover:
 @lru_cache(maxsize=4)  # while other planes move, the cover is the same
 def _cover(mesh: TriangleMesh, cuts: tuple[tuple[float, ...], ...], shell: str) -> _Cover:
     removed, complete = [np.empty((0, 3, 3))], []
-
-    def only(kept: BoolArray) -> TriangleMesh:
-        removed.append(mesh.triangles[~kept])
-        return mesh if kept.all() else weld(mesh.vertices, mesh.faces[kept])
-
     if shell == "seen" and visibility(mesh).seen.any():
-        mesh = only(visibility(mesh).seen)
+        removed.append(mesh.triangles[~visibility(mesh).seen])
+        mesh = seen_faces(mesh)
     seen = mesh
     for k, numbers in enumerate(cuts):
-        point, normal = np.array(numbers[:3]), np.array(numbers[3:])
         try:
-            kept = weld(*one_side(mesh, point, normal))
+            kept = kept_side(mesh, numbers[:3], numbers[3:])
         except InvalidMesh:
             complete.append(k)
             continue
-        vertices, faces = one_side(mesh, point, -normal)
+        vertices, faces = one_side(mesh, np.array(numbers[:3]), -np.array(numbers[3:]))
         removed.append(vertices[faces])
         mesh = kept
     if shell == "outer":
-        mesh = only(is_outer(mesh))
+        removed.append(mesh.triangles[~is_outer(mesh)])
+        mesh = outer_shells(mesh)
     return _Cover(seen, mesh, np.concatenate(removed).reshape(-1, 3).astype(np.float32), tuple(complete))
 
 

@@ -14,10 +14,17 @@ from ..sampling.lines import LineGrid
 from ..sampling.planes import Planes
 from ..sampling.rays import TURN
 from .axis import FULL_TURN_ANGLES, Axis, find_axis, long_direction, stations_between, tube_frame
-from .curved_axis import curved_axis_span, find_curved_axis
+from .curved_axis import CurvedAxis, curved_axis_span, find_curved_axis
 from .error_model import ErrorModel
 from .outlines import region_centre
-from .parametrizations import FaceParametrization, Parametrization, TubeParametrization, bounded, parametrized_lines
+from .parametrizations import (
+    FaceParametrization,
+    Parametrization,
+    ParametrizedLines,
+    TubeParametrization,
+    bounded,
+    parametrized_lines,
+)
 from .spacing import spaced_lines
 
 Vector = tuple[float, float, float]
@@ -60,6 +67,21 @@ class Region:
         """Return the parametrization of this region of ``mesh``."""
         raise NotImplementedError
 
+    def moved(self, before: Parametrization, mesh: TriangleMesh) -> Parametrization:
+        """Return the parametrization on a mesh that differs little from an earlier one, about the same axis.
+
+        Parameters
+        ----------
+        before : TubeParametrization or FaceParametrization
+            On the earlier mesh.
+        mesh : TriangleMesh
+            The mesh, [m] in the link frame.
+        """
+        return before if self.boundary else self._moved(before, mesh)
+
+    def _moved(self, before: Parametrization, mesh: TriangleMesh) -> Parametrization:
+        raise NotImplementedError
+
 
 @dataclass(frozen=True)
 class Tube(Region):
@@ -73,11 +95,14 @@ class Tube(Region):
         frame = tube_frame(mesh, self.axis)
         if self.boundary:
             return bounded(TubeParametrization(frame, (0.0, 0.0)), self.boundary)
-        if self.axis is None:
-            curved_axis = find_curved_axis(mesh, frame)
-            if curved_axis is not None:
-                return TubeParametrization(curved_axis, curved_axis_span(mesh, curved_axis, self.margin))
-        return TubeParametrization(frame, stations_between(mesh, frame, self.margin, FULL_TURN_ANGLES))
+        curved_axis = find_curved_axis(mesh, frame) if self.axis is None else None
+        return self._moved(TubeParametrization(curved_axis or frame, (0.0, 0.0)), mesh)
+
+    def _moved(self, before: Parametrization, mesh: TriangleMesh) -> TubeParametrization:
+        assert isinstance(before, TubeParametrization)
+        if isinstance(before.frame, CurvedAxis):
+            return replace(before, span=curved_axis_span(mesh, before.frame, self.margin))
+        return replace(before, span=stations_between(mesh, before.frame, self.margin, FULL_TURN_ANGLES))
 
 
 @dataclass(frozen=True)
@@ -95,10 +120,13 @@ class Sector(Region):
                 f"The sector from {self.start:g} to {self.stop:g} rad must span more than 0 and less than 2 pi."
             )
         frame = sector_frame(find_axis(mesh) if self.axis is None else self.axis)
-        if self.boundary:
-            return bounded(TubeParametrization(frame, (0.0, 0.0), (self.start, self.stop)), self.boundary)
-        span = stations_between(mesh, frame, self.margin, np.linspace(self.start, self.stop, 90))
-        return TubeParametrization(frame, span, (self.start, self.stop))
+        whole = TubeParametrization(frame, (0.0, 0.0), (self.start, self.stop))
+        return bounded(whole, self.boundary) if self.boundary else self._moved(whole, mesh)
+
+    def _moved(self, before: Parametrization, mesh: TriangleMesh) -> TubeParametrization:
+        assert isinstance(before, TubeParametrization) and isinstance(before.frame, TubeFrame)
+        angles = np.linspace(self.start, self.stop, 90)
+        return replace(before, span=stations_between(mesh, before.frame, self.margin, angles))
 
 
 def sector_frame(axis: Axis | TubeFrame) -> TubeFrame:
@@ -139,6 +167,11 @@ class Across(Region):
         span, breadth = ((float(c.min() + margin), float(c.max() - margin)) for c in (x, y))
         return bounded(FaceParametrization(below, along, side, up, span, breadth), self.boundary)
 
+    def _moved(self, before: Parametrization, mesh: TriangleMesh) -> FaceParametrization:
+        assert isinstance(before, FaceParametrization)
+        x, y, z = before.along.tolist()
+        return replace(self, axis=axis_along((x, y, z))).parametrization(mesh)
+
     def _along(self, triangles: Array, up: Array) -> Array:
         """Return the unit direction in the face, whose triangles are given, that the u-planes are perpendicular to."""
         if self.axis is not None:
@@ -177,7 +210,7 @@ class Grid:
     # Of planes and lines; "uniform", "arc" and "curvature" space the lines, with u-planes at equal steps.
     spacing: str = "auto"
 
-    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3), draft: bool = False) -> LineGrid:
+    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3), draft: bool = False) -> ParametrizedLines:
         """Return the lines of the control points on ``mesh`` for a surface of this degree.
 
         Parameters
@@ -192,7 +225,7 @@ class Grid:
 
         Returns
         -------
-        LineGrid
+        ParametrizedLines
 
         Raises
         ------
@@ -203,6 +236,26 @@ class Grid:
             raise InvalidPlan("This grid has a tolerance instead of numbers of planes and lines. Use fit_grid.")
         size = self.size.n, self.size.lines
         return lines_on(_parametrization(self.region, mesh), mesh, *size, self.spacing, degree, draft)
+
+    def moved_lines(self, lines: ParametrizedLines, mesh: TriangleMesh) -> ParametrizedLines:
+        """Return lines at the same places on a mesh that differs little from an earlier one, for a preview.
+
+        Neither the axis nor the places with the least error are sought again. At a cut that moves, both hardly change.
+
+        Parameters
+        ----------
+        lines : ParametrizedLines
+            Of this grid, on the earlier mesh.
+        mesh : TriangleMesh
+            The mesh, [m] in the link frame.
+
+        Raises
+        ------
+        InvalidPlan, EmptySection
+            If the region is not on the mesh.
+        """
+        parametrization = self.region.moved(lines.parametrization, mesh)
+        return lines.moved_to(parametrization, region_centre(mesh, parametrization))
 
 
 @lru_cache(maxsize=4)  # repeated fits, as in the window, keep the region of their mesh
@@ -540,7 +593,7 @@ def lines_on(
     spacing: str,
     degree: tuple[int, int],
     draft: bool = False,
-) -> LineGrid:
+) -> ParametrizedLines:
     """Return the lines of planes over a region; for "uniform" ones only the middle of the mesh is sampled.
 
     Parameters
@@ -562,7 +615,7 @@ def lines_on(
 
     Returns
     -------
-    LineGrid
+    ParametrizedLines
     """
     if spacing == "uniform":
         last = lines if parametrization.closed else lines - 1

@@ -1,6 +1,6 @@
 """Parametrizations of a region: s along the u-direction and t across it give the plane and the ray of each point."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
 
@@ -304,7 +304,49 @@ def heights(mesh: TriangleMesh, parametrization: Parametrization, s: Array, t: A
     return found
 
 
-def parametrized_lines(parametrization: Parametrization, s: Array, t: Array, centre: Array | None = None) -> LineGrid:
+@dataclass(frozen=True, eq=False)
+class ParametrizedLines(LineGrid):
+    """Lines of control points, and where they are in a region."""
+
+    parametrization: Parametrization = field(kw_only=True)
+    s: Array = field(kw_only=True)  # (n,) of the planes [m]
+    t: Array = field(kw_only=True)  # (m,) of the lines [rad] or [m]
+
+    def moved_to(self, parametrization: Parametrization, centre: Array | None) -> "ParametrizedLines":
+        """Return lines at the same fractions of another region of the same kind.
+
+        Parameters
+        ----------
+        parametrization : TubeParametrization or FaceParametrization
+            The other region.
+        centre : array, shape (3,), or None
+            Point of the mesh at its middle [m].
+        """
+        before = self.parametrization
+        s = scaled(self.s, before.span, parametrization.span)
+        t = scaled(self.t, before.breadth, parametrization.breadth)
+        return parametrized_lines(parametrization, s, t, centre)
+
+
+def scaled(values: Array, ends: tuple[float, float], new_ends: tuple[float, float]) -> Array:
+    """Return numbers at the same fractions between other ends.
+
+    Parameters
+    ----------
+    values : array, of any shape
+        [m] or [rad]
+    ends : (float, float)
+        The former first and last number.
+    new_ends : (float, float)
+        The new ones.
+    """
+    result: Array = new_ends[0] + (values - ends[0]) * ((new_ends[1] - new_ends[0]) / (ends[1] - ends[0]))
+    return result
+
+
+def parametrized_lines(
+    parametrization: Parametrization, s: Array, t: Array, centre: Array | None = None
+) -> ParametrizedLines:
     """Return the lines of the control points at every pair of s and t.
 
     Parameters
@@ -320,13 +362,16 @@ def parametrized_lines(parametrization: Parametrization, s: Array, t: Array, cen
 
     Returns
     -------
-    LineGrid
+    ParametrizedLines
     """
-    return LineGrid(
+    return ParametrizedLines(
         parametrization.planes(s),
         *parametrization.rays(s, t),
         parametrization.closed,
         parametrization.names(t),
         centre=centre,
         region=None if parametrization.boundary is None else partial(inside, parametrization),
+        parametrization=parametrization,
+        s=s,
+        t=t,
     )

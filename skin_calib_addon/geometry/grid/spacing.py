@@ -6,10 +6,9 @@ import numpy as np
 
 from ...common.arrays import Array
 from ..sampling.basis import check_counts, spline_sites
-from ..sampling.lines import LineGrid
 from ..surface.bspline import greville
 from .error_model import ErrorModel, SpacingMap
-from .parametrizations import parametrized_lines
+from .parametrizations import ParametrizedLines, parametrized_lines
 
 # [1] The length of a span is divided by this power of its mean square error. The mean square error of a cubic is
 # proportional to the ninth power of the length. Larger: stronger changes of the spans.
@@ -34,7 +33,7 @@ ROTATED_INTERVALS = 0.5
 
 def spaced_lines(
     error_model: ErrorModel, n: int, lines: int, spacing: str, degree: tuple[int, int], moves: int = MAX_MOVES
-) -> LineGrid:
+) -> ParametrizedLines:
     """Return the lines of ``n`` planes with ``lines`` lines each.
 
     Parameters
@@ -54,7 +53,7 @@ def spaced_lines(
 
     Returns
     -------
-    LineGrid
+    ParametrizedLines
 
     Raises
     ------

@@ -1,11 +1,12 @@
 """From a link's mesh to its cover: keep what is outside, and cut it with planes."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial import ConvexHull, Delaunay, QhullError, cKDTree
 
-from ...common.arrays import Array, BoolArray, IntArray, unit
+from ...common.arrays import Array, BoolArray, IntArray, locked, unit
 from ...common.errors import InvalidMesh, InvalidPlan
 from ..components import components
 from .closest import split_faces
@@ -75,7 +76,7 @@ def cut_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
         if not normal.any():
             raise InvalidPlan(f"The normal of cut {i} is zero. Give the direction of the side to keep.")
         try:
-            mesh = weld(*one_side(mesh, np.asarray(cut.point, float), normal))
+            mesh = kept_side(mesh, tuple(map(float, cut.point)), tuple(normal.tolist()))
         except InvalidMesh as error:
             raise InvalidPlan(
                 f"Cut {i} removes the whole mesh. A cut keeps the side to which its normal points. "
@@ -96,6 +97,31 @@ def seen_faces(mesh: TriangleMesh) -> TriangleMesh:
     if not seen.any():
         raise InvalidPlan('No face of the mesh can be seen from outside. Set "shell": "outer".')
     return mesh if seen.all() else weld(mesh.vertices, mesh.faces[seen])
+
+
+@lru_cache(maxsize=4)  # the sketch of the cuts and the fit need the same
+def kept_side(mesh: TriangleMesh, point: tuple[float, ...], normal: tuple[float, ...]) -> TriangleMesh:
+    """Return the part of a mesh on the side of a plane to which its normal points.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh to cut.
+    point : tuple of float
+        Of the plane [m].
+    normal : tuple of float
+        Unit normal of the plane.
+
+    Returns
+    -------
+    TriangleMesh
+
+    Raises
+    ------
+    InvalidMesh
+        If it is empty.
+    """
+    return weld(*one_side(mesh, np.array(point), np.array(normal)))
 
 
 def one_side(mesh: TriangleMesh, point: Array, normal: Array) -> tuple[Array, IntArray]:
@@ -145,15 +171,19 @@ def _from_corner(faces: IntArray, chosen: BoolArray) -> IntArray:
     return np.take_along_axis(faces, (first[:, None] + np.arange(3)) % 3, axis=1)
 
 
+@lru_cache(maxsize=4)  # as kept_side
 def outer_shells(mesh: TriangleMesh) -> TriangleMesh:
     """Remove the inner parts: shells that are mostly inside the convex hull of larger ones."""
     kept = is_outer(mesh)
     return mesh if kept.all() else weld(mesh.vertices, mesh.faces[kept])
 
 
+@lru_cache(maxsize=4)
 def is_outer(mesh: TriangleMesh) -> BoolArray:
-    """Return whether each face belongs to an outer shell, shape (f,)."""
+    """Return whether each face belongs to an outer shell, shape (f,), read-only."""
     shell = shells(mesh)
+    if shell.max() == 0:
+        return locked(np.ones(len(shell), bool))
     largest, *others = np.argsort(-np.bincount(shell, mesh.face_areas), kind="stable")
     kept = shell == largest
     hull = convex_hull(mesh.triangles[kept].reshape(-1, 3)) if others else None
@@ -166,7 +196,7 @@ def is_outer(mesh: TriangleMesh) -> BoolArray:
                 hull = convex_hull(mesh.triangles[kept].reshape(-1, 3))
             elif not is_inside(hull, corners, HULL_GROWTH).all():
                 hull = convex_hull(np.concatenate((hull.points, corners)))
-    return kept
+    return locked(kept)
 
 
 def fraction_inside(hull: Delaunay | None, mesh: TriangleMesh, faces: IntArray) -> float:

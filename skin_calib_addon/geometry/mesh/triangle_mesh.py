@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from ...common.arrays import Array, IntArray, freeze, norms
+from ...common.arrays import Array, IntArray, cross, freeze, norms, row_order
 from ...common.arrays import unit as to_unit
 from ...common.atomic_file import write_bytes_safely
 from ...common.errors import InvalidMesh
@@ -76,18 +76,20 @@ class TriangleMesh:
     @cached_property
     def _cross(self) -> Array:
         corners = self.triangles
-        return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
     @cached_property
     def adjacency(self) -> tuple[IntArray, IntArray]:
         """Return the pairs of faces with a common edge that belongs to no third face, shape (e,) each."""
-        edges = np.sort(self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        face = np.repeat(np.arange(len(self.faces)), 3)
-        order = np.lexsort(edges.T)
-        edges, face = edges[order], face[order]
-        same = (edges[1:] == edges[:-1]).all(axis=1)
+        a, b, c = self.corners
+        sides = [np.maximum(i, j) * len(self.vertices) + np.minimum(i, j) for i, j in ((a, b), (b, c), (c, a))]
+        edges = np.concatenate(sides)  # one number for each edge: it sorts faster than two
+        order = np.argsort(edges, kind="stable")
+        edges, face = edges[order], order % len(self.faces)
+        same = edges[1:] == edges[:-1]
         pair = same & ~np.append(False, same[:-1]) & ~np.append(same[1:], False)
-        return face[:-1][pair], face[1:][pair]
+        first, second = face[:-1][pair], face[1:][pair]
+        return np.minimum(first, second), np.maximum(first, second)
 
     @cached_property
     def sha256(self) -> str:
@@ -134,7 +136,7 @@ def weld(vertices: Any, faces: Any) -> TriangleMesh:
             f"Vertex {bad[0]} of the mesh is not finite ({len(bad)} such). Remove it, or export the mesh again.",
             vertex=int(bad[0]),
         )
-    order = np.lexsort(vertices.T[::-1])
+    order = row_order(vertices)
     ordered = vertices[order]
     new = np.r_[True, (ordered[1:] != ordered[:-1]).any(axis=1)]
     index = np.empty(len(vertices), np.int64)
@@ -145,9 +147,12 @@ def weld(vertices: Any, faces: Any) -> TriangleMesh:
         raise InvalidMesh("Every face of the mesh is degenerate (two equal corners). Export it again.")
     lowest = np.argmin(faces, axis=1)[:, None]
     faces = np.take_along_axis(faces, (lowest + np.arange(3)) % 3, axis=1)
-    faces = faces[np.lexsort(faces.T[::-1])]
+    edges = faces[:, 0] * len(vertices) + faces[:, 1]  # one number for the first two
+    faces = faces[row_order(np.column_stack((edges, faces[:, 2])))]
     faces = faces[np.r_[True, (faces[1:] != faces[:-1]).any(axis=1)]]
-    used = np.unique(faces)
+    is_used = np.zeros(len(ordered), bool)
+    is_used[faces] = True
+    used = np.flatnonzero(is_used)
     renumber = np.empty(len(ordered), np.int64)
     renumber[used] = np.arange(len(used))
     return TriangleMesh(ordered[new][used], renumber[faces])

@@ -8,7 +8,19 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon import geometry
 from skin_calib_addon.common.errors import InvalidPlan
-from skin_calib_addon.geometry import AcrossGrid, AutoGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
+from skin_calib_addon.geometry import (
+    AcrossGrid,
+    AutoGrid,
+    Axis,
+    CoverSpec,
+    Cut,
+    Planes,
+    PlanesGrid,
+    SectorGrid,
+    TubeGrid,
+    cut_cover,
+    fit_surface,
+)
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, box, cone, cylinder, dome, keep, wrist
 
 seeds = st.integers(0, 2**32 - 1)
@@ -95,6 +107,30 @@ def test_lines_run_so_that_the_surface_looks_outward(mesh, grid):
     outward = np.cross(limit[1:, : here.shape[1]] - here[:-1], (after - here)[:-1])
     turn = (outward * lines.directions[:-1, : here.shape[1]]).sum(axis=2)
     assert (turn > 0).all()
+
+
+MOVED = [p for p in GRIDS if not p.id.endswith("planes")]
+
+
+@pytest.mark.parametrize(("mesh", "grid"), MOVED)
+def test_moved_lines_keep_their_axis_and_their_fractions(mesh, grid):
+    """On the same mesh they stay; on a cut one they go from its first to its last section, about the same axis."""
+    lines = grid.line_grid(mesh)
+    again = grid.moved_lines(lines, mesh)
+    assert_allclose(again.origins, lines.origins, atol=1e-15)
+    assert_allclose(again.directions, lines.directions, atol=1e-15)
+    along = lines.planes_u.normals[0]
+    height = mesh.vertices @ along
+    cut = Cut(tuple(along * (0.75 * height.min() + 0.25 * height.max())), tuple(along))
+    cover = cut_cover(mesh, CoverSpec("all", (cut,)))
+    moved = grid.moved_lines(lines, cover)
+    assert_allclose(moved.planes_u.normals, lines.planes_u.normals, atol=1e-15)
+    assert_allclose(moved.t, lines.t, atol=3e-4)  # without a margin, that of a face follows its length
+    before, after = ((k.planes_u.points - k.planes_u.points[0]) @ along for k in (lines, moved))
+    assert_allclose(after / after[-1], before / before[-1], atol=1e-12)
+    expected = grid.region.moved(lines.parametrization, cover).span
+    assert_allclose((moved.s[0], moved.s[-1]), expected, atol=1e-15)
+    assert expected[0] - lines.s[0] > 0.15 * np.ptp(lines.s) and abs(expected[1] - lines.s[-1]) < 1e-3
 
 
 @pytest.mark.parametrize(("mesh", "grid"), GRIDS)
