@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from biped import COUNTS, FULL_SCALE, NOISE, OFFSET, REST, TERRAIN_GROUP, TIME_STEP, build, mujoco, nominal, skins
-from experiment import FRAME_TIME, Camera, arguments, run_all, side_by_side, spread
+from experiment import ARM_PAGE, FRAME_TIME, Camera, arguments, count, report, run_all, side_by_side, spread
 from PIL import Image
 from shapes import ELBOW_RADIUS, FOREARM_LENGTH, RANGE, RANGE_COUNTS, WRIST_RADIUS
 
@@ -59,6 +59,15 @@ VARIANTS = {
     "pain": ("small", "large"),
     "near": ("hand only", "null space", "first"),
     "heat": ("hand only", "null space", "first"),
+}
+THESIS = {  # what it states of its figures, which are diagrams
+    ("contacts", "yields"): "multiple simultaneous contacts",
+    ("pressure", "small, pressure"): "fast",
+    ("pressure", "large, pressure"): '"almost no motion"',
+    ("pain", "small"): '"small" force',
+    ("pain", "large"): '"considerably larger" force',
+    ("near", "first"): "repelled without contact (figure 17)",
+    ("heat", "first"): "the hand task is blocked (figures 19 and 20)",
 }
 TIMES = {"contacts": 2.5, "pressure": 1.0, "pain": 10.0, "near": 3.5, "heat": 4.0}  # [s]
 Array = np.ndarray
@@ -521,24 +530,14 @@ def numbers(kind: str, runs: list[Result]) -> str:
         areas = (1e4 * np.median(r["area"][30:110]) for r in runs)
         return f"speed {spread((1e3 * r.speed for r in runs), 0)} mm/s, area {spread(areas, 1)} cm^2"
     if kind == "pain":
-        pains = sum(r["pain"].any() for r in runs)
         force = spread((r.pain_force for r in runs), 1)
-        return f"pain in {pains}/{len(runs)} runs, at {force} N; until then the {hand_before(runs)}"
+        return f"pain in {count(r['pain'].any() for r in runs)} runs, at {force} N; until then the {hand_before(runs)}"
     if kind == "near":
-        contacts = sum(r["force"].max() > 0 for r in runs)
         gap = spread((1e3 * r["gap"].min() for r in runs), 0)
-        return f"distance {gap} mm, contact in {contacts}/{len(runs)} runs, {hand}"
+        contacts = count(r["force"].max() > 0 for r in runs)
+        return f"contact in {contacts} runs, up to {largest('force')} N; smallest distance {gap} mm, {hand}"
     end = spread((r["heat"][-1] for r in runs), 1)
-    return f"hottest {largest('heat', 1)} degC, at the end {end} degC, {hand}"
-
-
-def summary(results: dict[tuple[str, str], list[Result]]) -> str:
-    """Return the numbers of all experiments."""
-    lines = []
-    for kind, variants in VARIANTS.items():
-        lines.append(f"{TITLES[kind]}:")
-        lines += [f"  {variant:16} {numbers(kind, results[kind, variant])}" for variant in variants]
-    return "\n".join(lines)
+    return f"hottest {largest('heat', 1)} °C, at the end {end} °C, {hand}"
 
 
 def hand_before(runs: list[Result]) -> str:
@@ -549,12 +548,16 @@ def hand_before(runs: list[Result]) -> str:
 
 def main() -> None:
     """Run all cases; print the numbers; draw."""
-    given = arguments(__doc__, page=None).parse_args()
+    given = arguments(__doc__, page=ARM_PAGE).parse_args()
     kinds = [(kind, variant) for kind, variants in VARIANTS.items() for variant in variants]
     cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
     found = run_all(run, cases, given)
     results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
-    print(summary(results))
+    rows = [
+        (TITLES[kind], variant, THESIS.get((kind, variant), ""), numbers(kind, results[kind, variant]))
+        for kind, variant in kinds
+    ]
+    report(given, ("experiment", "controller", "thesis", "here"), rows)
     draw(results, given.out / "arm.png")
     if not given.no_animation:
         film(given.out / "arm.gif")

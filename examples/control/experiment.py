@@ -53,15 +53,15 @@ def folder(text: str) -> Path:
         raise argparse.ArgumentTypeError(f"cannot write to the folder {text}: {error.strerror}") from error
 
 
-def arguments(description: str, page: Path | None = PAGE, has_animation: bool = True) -> argparse.ArgumentParser:
+def arguments(description: str, page: Path = PAGE, has_animation: bool = True) -> argparse.ArgumentParser:
     """Return the options of an experiment.
 
     Parameters
     ----------
     description : str
         Its first line is shown by ``--help``.
-    page : path, optional
-        Where ``--write`` puts the table. None: the experiment has no table.
+    page : path
+        Where ``--write`` puts the table.
     has_animation : bool
         Whether the experiment makes one, which can be left out.
     """
@@ -71,8 +71,7 @@ def arguments(description: str, page: Path | None = PAGE, has_animation: bool = 
     parser.add_argument("--out", type=folder, default=str(OUT), help="folder of figures and animations")
     if has_animation:
         parser.add_argument("--no-animation", action="store_true", help="only the numbers and the figure")
-    if page:
-        parser.add_argument("--write", action="store_true", help="the table into the documentation")
+    parser.add_argument("--write", action="store_true", help="the table into the documentation")
     parser.set_defaults(name=Path(parser.prog).stem, page=page)
     return parser
 
