@@ -343,7 +343,7 @@ def coarse_chords(folder: Path) -> Result:
     return several(folder, plans)
 
 
-@case("automatic axes", only=("geometry/grid", "geometry/mesh", "geometry/sampling", "geometry/fit/surface_fit"))
+@case("automatic axes", only=("geometry/grid", "geometry/mesh", "geometry/sampling", "geometry/fit/fitting"))
 def automatic_axes(folder: Path) -> Result:
     """A short wide ring, a flat section, a slight bend."""
     grid = {"kind": "tube", "n": 6, "m": 6}

@@ -10,7 +10,7 @@ from pathlib import Path
 from skin_calib_addon.common.errors import SkinCalibError
 from skin_calib_addon.geometry import CoverSpec, TubeGrid, cut_cover, load_mesh
 from skin_calib_addon.geometry.fit.diagnosis import FOLDED_AREA, DeviationLimits, maximum_deviation
-from skin_calib_addon.geometry.fit.surface_fit import fit_lines
+from skin_calib_addon.geometry.fit.fitting import fit_lines
 
 SIZES = ((10, 20), (20, 40))
 CHECK_SITES = 5  # per span and direction, for the mean distance

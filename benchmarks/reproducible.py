@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.common.errors import PoorFit, SkinCalibError
 from skin_calib_addon.geometry import AcrossGrid, CoverSpec, TubeGrid, cut_cover, load_mesh, weld
-from skin_calib_addon.geometry.fit.surface_fit import check_fit, fit_lines
+from skin_calib_addon.geometry.fit.fitting import check_fit, fit_lines
 from skin_calib_addon.geometry.mesh.triangle_mesh import METRES_PER_UNIT
 from skin_calib_addon.geometry.surface.centre import surface_centre
 

@@ -1,7 +1,8 @@
 """Mesh to cover to sections to fitted surface."""
 
 from .fit.auto import fit_grid, fit_to_count, fit_to_tolerance
-from .fit.surface_fit import SurfaceFit, fit_surface
+from .fit.fitting import fit_surface, leave_one_out
+from .fit.surface_fit import SurfaceFit
 from .grid.axis import Axis
 from .grid.grids import (
     Across,
@@ -45,6 +46,7 @@ __all__ = [
     "fit_surface",
     "fit_to_count",
     "fit_to_tolerance",
+    "leave_one_out",
     "load_mesh",
     "weld",
 ]

@@ -14,6 +14,7 @@ from ..common.errors import listed, millimetres
 from ..common.findings import printable
 from ..common.surface_errors import DistanceStatistics
 from ..common.warnings import to_document
+from ..geometry.fit.fitting import leave_one_out
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.mesh.visibility import visibility
@@ -179,7 +180,7 @@ def _surface_document(fit: SurfaceFit) -> dict[str, Any]:
         "noise": fit.noise,
         "condition": fit.condition,
         "dropped_loops": int(fit.dropped_loops.max()),
-        "leave_one_out": fit.leave_one_out().tolist(),
+        "leave_one_out": leave_one_out(fit).tolist(),
         "worst": {"uv": fit.worst[0].tolist(), "point": fit.worst[1].tolist(), "distance": fit.worst[2]},
         "smallest_area": fit.smallest_area,
         "errors": errors | {"hausdorff": fit.errors.hausdorff},

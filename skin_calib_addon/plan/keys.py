@@ -991,7 +991,7 @@ DEGREE = Key(
     label="Degree",
     labels=("Degree U", "V"),
     panel="Grid",
-    acts="geometry/fit/surface_fit.py",
+    acts="geometry/fit/fitting.py",
     always=True,
 )
 CHORDS = Key(

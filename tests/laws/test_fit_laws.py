@@ -17,7 +17,7 @@ from skin_calib_addon.geometry import (
     fit_surface,
     weld,
 )
-from skin_calib_addon.geometry.fit import surface_fit as fit_module
+from skin_calib_addon.geometry.fit import fitting as fit_module
 from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.surface.bspline import clamped_knots, periodic_knots
 from tests.examples import examples

@@ -20,9 +20,10 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
 from ..surface.distance import SAMPLES_PER_SPAN
 from .diagnosis import FOLDED_AREA, MAX_DEVIATION, DeviationLimits, maximum_deviation
+from .fitting import check_fit, fit_lines, fit_surface, left_out
 from .limits import better_axis, limit_of
 from .proof import MIN_DISTANCE, confirmed_error, largest_distance
-from .surface_fit import SurfaceFit, check_fit, fit_lines, fit_surface, left_out
+from .surface_fit import SurfaceFit
 
 MAX_PLANES = 60  # [1] most u-planes of an automatic grid. Larger: tighter tolerances, more time
 MAX_LINES = 160  # [1] most lines per plane of an automatic grid. Larger: tighter tolerances, more time

@@ -11,7 +11,8 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..surface.distance import SAMPLES_PER_SPAN, surface_samples
 from .chords import facet_sagittas
 from .diagnosis import FOLDED_AREA, maximum_deviation, nearest_names
-from .surface_fit import SurfaceFit, fit_lines
+from .fitting import fit_lines
+from .surface_fit import SurfaceFit
 from .undercut import undercuts
 
 # [1] ratio of a distance to the sagitta of its facet up to which the facet explains it: a surface through the middle of

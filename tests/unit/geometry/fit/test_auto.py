@@ -8,7 +8,7 @@ from sample_scenes import shapes
 from skin_calib_addon.common.errors import InvalidPlan, UnreachableTolerance
 from skin_calib_addon.geometry import Axis, TubeGrid, fit_surface, fit_to_count, fit_to_tolerance, weld
 from skin_calib_addon.geometry.fit.auto import net_size
-from skin_calib_addon.geometry.fit.surface_fit import fit_lines
+from skin_calib_addon.geometry.fit.fitting import fit_lines
 
 Z = Axis((0.0015, 0.0005, 0.0), (0.0, 0.0, 1.0))
 MARGIN = 0.002

@@ -15,7 +15,7 @@ from skin_calib_addon.geometry import (
     fit_to_tolerance,
 )
 from skin_calib_addon.geometry.fit.auto import SizePredictor, net_size
-from skin_calib_addon.geometry.fit.surface_fit import fit_lines
+from skin_calib_addon.geometry.fit.fitting import fit_lines
 from skin_calib_addon.geometry.grid.error_model import ErrorModel
 from skin_calib_addon.geometry.grid.grids import Tolerance, region_of
 from skin_calib_addon.geometry.mesh.closest import MeshDistance

@@ -20,7 +20,8 @@ from skin_calib_addon.geometry import (
     fit_to_tolerance,
 )
 from skin_calib_addon.geometry.fit import diagnosis
-from skin_calib_addon.geometry.fit import surface_fit as fit_module
+from skin_calib_addon.geometry.fit import fitting as fit_module
+from skin_calib_addon.geometry.fit.surface_fit import MIN_AREA_RATIO
 from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from tests.shapes import (
     LENGTH,
@@ -496,7 +497,7 @@ def test_folded_surface_is_not_within():
     """A folded surface is not within any tolerance, however near it is."""
     fit = fit_surface(sheet(lambda x, y: 0 * x), AcrossGrid(5, 5, (0, 0, 1.0)))
     assert fit.is_within(1e-9)
-    vars(fit)["smallest_area"] = 0.5 * fit_module.MIN_AREA_RATIO
+    vars(fit)["smallest_area"] = 0.5 * MIN_AREA_RATIO
     assert not fit.is_within(1e-9)
 
 
@@ -515,5 +516,5 @@ def test_places_move_with_the_mesh():
 
 def test_planes_that_cannot_be_spared_are_not_left_out():
     """As many planes as the degree needs: no error without one of them; one more plane, and there are errors."""
-    assert len(fit_surface(cylinder(), TubeGrid(4, 12, Z_AXIS, 0.01)).leave_one_out()) == 0
-    assert len(fit_surface(cylinder(), TubeGrid(5, 12, Z_AXIS, 0.01)).leave_one_out()) == 3
+    assert len(fit_module.leave_one_out(fit_surface(cylinder(), TubeGrid(4, 12, Z_AXIS, 0.01)))) == 0
+    assert len(fit_module.leave_one_out(fit_surface(cylinder(), TubeGrid(5, 12, Z_AXIS, 0.01)))) == 3

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.geometry import CoverSpec, TubeGrid, cut_cover, fit_surface, load_mesh, weld
 from skin_calib_addon.geometry.fit.error_report import Expansion, mesh_to_surface, surface_to_mesh
-from skin_calib_addon.geometry.fit.surface_fit import fit_lines
+from skin_calib_addon.geometry.fit.fitting import fit_lines
 from skin_calib_addon.geometry.mesh.closest import MeshDistance, split_faces
 from skin_calib_addon.geometry.surface.distance import is_sampled, surface_samples
 from skin_calib_addon.geometry.surface.footpoints import footpoints

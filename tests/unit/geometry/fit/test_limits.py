@@ -16,9 +16,9 @@ from skin_calib_addon.geometry.fit.auto import ErrorCurve, Search, SizePredictor
 from skin_calib_addon.geometry.fit.chords import facet_sagittas
 from skin_calib_addon.geometry.fit.error_field import facet_gaps
 from skin_calib_addon.geometry.fit.error_report import Expansion, statistics_of, winding
+from skin_calib_addon.geometry.fit.fitting import iterate
 from skin_calib_addon.geometry.fit.limits import limit_of
 from skin_calib_addon.geometry.fit.proof import largest_distance
-from skin_calib_addon.geometry.fit.surface_fit import iterate
 from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.sampling.samples import SampleRows
 from tests.shapes import RADIUS, Z_AXIS, cylinder, wrist

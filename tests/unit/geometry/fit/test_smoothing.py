@@ -41,7 +41,7 @@ def test_coarse_net_takes_a_sample_for_each_vertex_of_a_scan(size, monkeypatch):
     """Three sites per span leave out most vertices, and their noise is not averaged."""
     scan, grid = scanned(wrist(), 5e-4), TubeGrid(*size, Z_AXIS, 0.004, "uniform")
     fit = fit_surface(scan, grid)
-    monkeypatch.setattr("skin_calib_addon.geometry.fit.surface_fit.sites_for_noise", lambda mesh, basis, samples: 3)
+    monkeypatch.setattr("skin_calib_addon.geometry.fit.fitting.sites_for_noise", lambda mesh, basis, samples: 3)
     few = fit_surface(scan, grid)
     assert few.residuals.size < 0.5 * fit.residuals.size
     assert distance_to(wrist(), fit) < 0.9 * distance_to(wrist(), few)

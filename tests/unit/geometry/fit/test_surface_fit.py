@@ -10,7 +10,7 @@ from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import EmptySection, UnderdeterminedFit
 from skin_calib_addon.common.surface_errors import DistanceStatistics
 from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_grid, fit_surface
-from skin_calib_addon.geometry.fit import surface_fit as fit_module
+from skin_calib_addon.geometry.fit import fitting as fit_module
 from skin_calib_addon.geometry.grid import error_model
 from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.sampling.basis import TensorBasis

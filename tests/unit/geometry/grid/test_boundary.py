@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from skin_calib_addon.common.errors import EmptySection
 from skin_calib_addon.geometry import fit_grid, fit_surface
-from skin_calib_addon.geometry.fit.surface_fit import fit_lines
+from skin_calib_addon.geometry.fit.fitting import fit_lines
 from skin_calib_addon.geometry.grid.axis import Axis
 from skin_calib_addon.geometry.grid.boundary import Boundary
 from skin_calib_addon.geometry.grid.grids import Across, Grid, Sector, Size, Tolerance, Tube

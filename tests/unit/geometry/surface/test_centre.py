@@ -19,7 +19,7 @@ from skin_calib_addon.geometry import (
     load_mesh,
     weld,
 )
-from skin_calib_addon.geometry.fit.surface_fit import fit_lines
+from skin_calib_addon.geometry.fit.fitting import fit_lines
 from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.surface.centre import length_fractions, surface_centre
 from skin_calib_addon.geometry.surface.footpoints import footpoints

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial import cKDTree
 
 from skin_calib_addon.geometry import CoverSpec, TubeGrid, cut_cover, fit_surface, load_mesh, weld
-from skin_calib_addon.geometry.fit.surface_fit import fit_lines
+from skin_calib_addon.geometry.fit.fitting import fit_lines
 from skin_calib_addon.geometry.mesh.closest import split_faces
 from skin_calib_addon.geometry.surface.footpoints import _second_derivatives, footpoints
 from tests.shapes import Z_AXIS, cylinder, plane_surface, wrist_surface
