@@ -196,6 +196,31 @@ def test_cut_that_moves_takes_the_lines_of_the_last_fit_along(bpy, updates, prev
     assert plan.result.mean == followed
 
 
+def test_cut_that_moves_leaves_other_surfaces_as_they_are(bpy, updates, preview, following, monkeypatch):
+    """Of two surfaces, only the one with the cut is fitted again; planes placed one by one are fitted exactly."""
+    plan, fits = following.skin_calib, []
+    cut = plan.cover.cuts.add()
+    cut.point, cut.normal = (0.0, 0.0, 0.004), (0.0, 0.0, 1.0)
+    bpy.ops.skin_calib.surface_add()
+    rest(updates, monkeypatch)
+    monkeypatch.setattr(updates, "FIT_DELAY", 60.0)
+    for name in ("fit_grid", "fit_surface"):
+        real = getattr(preview, name)
+        monkeypatch.setattr(preview, name, lambda *given, name=name, real=real: fits.append(name) or real(*given))
+    look(updates)
+    fits.clear()
+    plan.cover.cuts[0].point[2] = 0.005
+    look(updates)
+    assert fits == ["fit_surface"] and updates.reports[following.name].coarse
+    bpy.ops.skin_calib.planes_place()
+    look(updates)
+    fits.clear()
+    plan.cover.cuts[0].point[2] = 0.0055
+    look(updates)
+    report = updates.reports[following.name]
+    assert fits == ["fit_grid"] and report.refusal is None and not report.coarse
+
+
 def test_large_mesh_has_a_coarse_preview_and_an_exact_fit(bpy, updates, preview, following, monkeypatch):
     """The status says so; where only the exact surface can be fitted, the preview has this one."""
     fits, plan = [], following.skin_calib

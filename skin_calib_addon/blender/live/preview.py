@@ -14,7 +14,6 @@ from ...common.file_hash import file_hash
 from ...common.warnings import Warning
 from ...geometry import SurfaceFit, cut_cover, fit_grid, fit_surface
 from ...geometry.grid.grids import Grid, Size
-from ...geometry.grid.parametrizations import ParametrizedLines
 from ...geometry.mesh.outliers import without_outliers
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline.place_skins import Draft, PlacedSkin, place_all
@@ -123,28 +122,29 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     judged = "TILT" in given.shown, "UNCERTAINTY" in given.shown
     draft = Draft(cache.placed, *judged)
 
-    def placed_on(coarse: bool, is_moving: bool) -> tuple[dict[str, SurfaceFit], tuple[PlacedSkin, ...]]:
-        fits = {
-            surface.name: _fit(cache, covers[surface.name], plan, surface, coarse, is_moving)
+    def placed_on(coarse: bool, moving: set[str]) -> tuple[dict[str, SurfaceFit], tuple[PlacedSkin, ...], bool]:
+        found = {
+            surface.name: _fit(cache, covers[surface.name], plan, surface, coarse, surface.name in moving)
             for surface in plan.surfaces
         }
-        return fits, cache.step("placed", (fits, (skins, judged)), _same_fits, lambda: place_all(plan, fits, draft))
+        fits = {name: fit for name, (fit, _) in found.items()}
+        placed = cache.step("placed", (fits, (skins, judged)), _same_fits, lambda: place_all(plan, fits, draft))
+        return fits, placed, coarse or any(moved for _, moved in found.values())
 
     sizes = [surface.grid.size for surface in plan.surfaces if isinstance(surface.grid, Grid)]
     planes = max((size.n for size in sizes if isinstance(size, Size)), default=0)
     coarse = len(mesh.faces) > MAX_EXACT_FACES or planes > MAX_EXACT_PLANES
     try:
-        covers_before = [cache.steps.get(f"cover {surface.name}") for surface in plan.surfaces]
+        covers_before = {surface.name: cache.steps.get(f"cover {surface.name}") for surface in plan.surfaces}
         covers = {surface.name: _cover(cache, mesh, plan, surface) for surface in plan.surfaces}
         # The same mesh with other cuts. Another mesh may have another axis.
-        is_moving = any(b and b[0][0] is mesh and b[1] is not covers[k] for b, k in zip(covers_before, covers))
+        moving = {k for k, b in covers_before.items() if b and b[0][0] is mesh and b[1] is not covers[k]}
         try:
-            fits, placed = placed_on(coarse, is_moving)
+            fits, placed, coarse = placed_on(coarse, moving)
         except SkinCalibError:
-            if not coarse and not is_moving:
+            if not coarse and not moving:
                 raise
-            coarse = is_moving = False  # only what cannot be fitted exactly is refused
-            fits, placed = placed_on(coarse, is_moving)
+            fits, placed, coarse = placed_on(False, set())  # only what cannot be fitted exactly is refused
     except SkinCalibError as error:
         return Preview(sketch, report=PreviewReport(refusal=refusal_of(error)))
     layers = layers_of(SimpleNamespace(fits=fits, placed=placed), is_preview=True)
@@ -153,9 +153,7 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     interpolated = any(done.sheet is not None and done.sheet.interpolated for done in placed)
     mean = max(float(np.nanmean(np.abs(fit.residuals))) for fit in fits.values())
     left_out = len(plan.skins) < len(given_skins)
-    return Preview(
-        sketch, layers, PreviewReport(mean, perf_counter() - given.start, interpolated, coarse or is_moving, left_out)
-    )
+    return Preview(sketch, layers, PreviewReport(mean, perf_counter() - given.start, interpolated, coarse, left_out))
 
 
 def placed_at_once(skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
@@ -189,25 +187,31 @@ def _cover(cache: StepCache, mesh: TriangleMesh, plan: Plan, surface: Surface) -
 
 def _fit(
     cache: StepCache, cover: TriangleMesh, plan: Plan, surface: Surface, coarse: bool, is_moving: bool
-) -> SurfaceFit:
-    """Return the fit of one surface of a plan, from the cache where nothing has changed.
+) -> tuple[SurfaceFit, bool]:
+    """Return the fit of one surface of a plan, from the cache where nothing has changed, and whether its lines moved.
 
     While cuts move, the lines of the last fit move with them, if the rest is the same.
     """
     settings = surface.grid, surface.degree, surface.chords, surface.max_deviation, coarse
     step = f"fit {surface.name}"
     given_before, before = cache.steps.get(step, (None, None))
+    is_moved = (
+        is_moving
+        and isinstance(surface.grid, Grid)
+        and given_before is not None
+        and given_before[1:-1] == settings
+        and isinstance(surface.grid.size, Size)
+    )
 
     def fitted() -> SurfaceFit:
-        is_same = is_moving and before is not None and given_before[1:-1] == settings
-        if is_same and isinstance(surface.grid, Grid) and isinstance(before.lines, ParametrizedLines):
-            lines = surface.grid.moved_lines(before.lines, without_outliers(cover)[0])
-            return fit_surface(cover, lines, *settings[1:])
-        return fit_grid(cover, *settings)
+        if not is_moved:
+            return fit_grid(cover, *settings)
+        lines = surface.grid.moved_lines(before.lines, without_outliers(cover)[0])
+        return fit_surface(cover, lines, *settings[1:])
 
     with naming_surface(plan, surface.name):
-        fit: SurfaceFit = cache.step(step, (cover, *settings, is_moving), _equal, fitted)
-    return fit
+        fit: SurfaceFit = cache.step(step, (cover, *settings, is_moved), _equal, fitted)
+    return fit, is_moved
 
 
 def _same_fits(given: tuple[Any, Any], before: tuple[Any, Any]) -> bool:
