@@ -9,7 +9,6 @@ from scipy.ndimage import map_coordinates, uniform_filter1d
 from scipy.sparse import csr_array
 
 from ...common.arrays import Array, BoolArray, IntArray, cross, unit
-from ..mesh.closest import MANY_FACES
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.samples import MIN_FACET_COSINE, RaySamples
@@ -124,8 +123,6 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
         Along the normals of the faces [m]; zero next to sharp edges.
     """
     face, which = np.unique(faces, return_inverse=True)
-    if len(mesh.faces) > MANY_FACES:
-        mesh, face = _around(mesh, face)
     corners, facet, bends_at = mesh.faces[face], mesh.face_normals[face], _vertex_bends(mesh)
     normals, rim = bends_at.normals, bends_at.rim[corners]
     edges = mesh.vertices[corners[:, NEXT]] - mesh.vertices[corners]
@@ -141,22 +138,6 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
     bends[bends_at.sharp[corners].any(axis=1)] = 0.0
     b = barycentric(mesh.vertices[corners][which], points)
     return np.einsum("nk,nk,nk->n", b, b[:, NEXT], bends[which]) / 2
-
-
-def _around(mesh: TriangleMesh, face: IntArray) -> tuple[TriangleMesh, IntArray]:
-    """Return the part of a mesh that has an influence on the gaps of some faces, and their numbers in it.
-
-    The gap of a face depends on the normals of its vertices and of those next to them: on the faces around both.
-    """
-    a, b, c = mesh.corners
-    kept = np.zeros(len(mesh.faces), bool)
-    kept[face] = True
-    for _ in range(2):
-        marked = np.zeros(len(mesh.vertices), bool)
-        marked[mesh.faces[kept]] = True
-        kept = marked[a] | marked[b] | marked[c]
-    used, corners = np.unique(mesh.faces[kept], return_inverse=True)
-    return TriangleMesh(mesh.vertices[used], corners.reshape(-1, 3)), np.cumsum(kept)[face] - 1
 
 
 @dataclass(frozen=True, eq=False)

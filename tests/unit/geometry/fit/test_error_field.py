@@ -6,7 +6,6 @@ from numpy.testing import assert_allclose
 
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.geometry import TubeGrid, fit_surface
-from skin_calib_addon.geometry.fit import error_field
 from skin_calib_addon.geometry.fit.error_field import at_rim, facet_gaps, vertex_normals
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cylinder, sheet, welded, with_hole
 
@@ -38,26 +37,6 @@ def test_vertex_normals_are_exact_on_a_sphere():
     to_sphere = 0.2 - np.linalg.norm(points - (0.05, 0.04, 0.0), axis=1)
     inner = ~rim[cap.faces[face]].any(axis=1)
     assert_allclose(facet_gaps(cap, face, points)[inner], to_sphere[inner], rtol=0.01)
-
-
-@pytest.mark.parametrize("exponent", [2.0, 6.0], ids=["round", "square"])
-def test_only_faces_around_given_ones_have_an_influence(exponent, monkeypatch):
-    """Of a mesh with many faces, only these are used: to the bit the gaps of the whole mesh, at its rims, too."""
-
-    def point(a, height):
-        c, s = np.cos(a), np.sin(a)
-        size = 0.03 / (np.abs(c) ** exponent + np.abs(s) ** exponent) ** (1 / exponent)
-        return np.column_stack((size * c, size * s, 0.1 * height))
-
-    mesh, rng = welded(tube_mesh(point, 60, 20)), np.random.default_rng(2)
-    for count in (1, 30, 400):
-        face = rng.integers(0, len(mesh.faces), count)
-        points = mesh.triangles[face].mean(axis=1)
-        gaps = []
-        for many in (np.inf, 0):
-            monkeypatch.setattr(error_field, "MANY_FACES", many)
-            gaps.append(facet_gaps(mesh, face, points))
-        assert np.array_equal(*gaps) and gaps[0].any()
 
 
 def test_gaps_are_zero_on_flat_parts_and_at_sharp_edges():
