@@ -170,12 +170,18 @@ def test_many_planes_have_a_coarse_preview_and_an_exact_fit(bpy, updates, follow
     assert plan.result.mean == followed
 
 
+def cut_at(plan, height):
+    """Add a cut that keeps what is above a height [m]."""
+    cut = plan.cover.cuts.add()
+    cut.point, cut.normal = (0.0, 0.0, height), (0.0, 0.0, 1.0)
+    return cut
+
+
 def test_cut_that_moves_takes_the_lines_of_the_last_fit_along(bpy, updates, preview, following, monkeypatch):
     """Neither axis nor spacing is sought while it moves; the surface is near the exact one, which follows."""
     plan, fits = following.skin_calib, []
     plan.grid.spacing = "auto"
-    cut = plan.cover.cuts.add()
-    cut.point, cut.normal = (0.0, 0.0, 0.004), (0.0, 0.0, 1.0)
+    cut = cut_at(plan, 0.004)
     rest(updates, monkeypatch)
     monkeypatch.setattr(updates, "FIT_DELAY", 60.0)
     real = preview.fit_grid
@@ -199,8 +205,7 @@ def test_cut_that_moves_takes_the_lines_of_the_last_fit_along(bpy, updates, prev
 def test_cut_that_moves_leaves_other_surfaces_as_they_are(bpy, updates, preview, following, monkeypatch):
     """Of two surfaces, only the one with the cut is fitted again; planes placed one by one are fitted exactly."""
     plan, fits = following.skin_calib, []
-    cut = plan.cover.cuts.add()
-    cut.point, cut.normal = (0.0, 0.0, 0.004), (0.0, 0.0, 1.0)
+    cut_at(plan, 0.004)
     bpy.ops.skin_calib.surface_add()
     rest(updates, monkeypatch)
     monkeypatch.setattr(updates, "FIT_DELAY", 60.0)

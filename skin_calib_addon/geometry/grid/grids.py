@@ -76,10 +76,21 @@ class Region:
             On the earlier mesh.
         mesh : TriangleMesh
             The mesh, [m] in the link frame.
-        """
-        return before if self.boundary else self._moved(before, mesh)
 
-    def _moved(self, before: Parametrization, mesh: TriangleMesh) -> Parametrization:
+        Returns
+        -------
+        TubeParametrization or FaceParametrization
+            With a boundary, the earlier one: a boundary does not depend on the mesh.
+
+        Raises
+        ------
+        InvalidPlan, EmptySection
+            If the region is not on the mesh.
+        """
+        return before if self.boundary else self._about_axis_of(before, mesh)
+
+    def _about_axis_of(self, before: Parametrization, mesh: TriangleMesh) -> Parametrization:
+        """Return the parametrization of this region, without a boundary, about the axis of another one."""
         raise NotImplementedError
 
 
@@ -96,9 +107,9 @@ class Tube(Region):
         if self.boundary:
             return bounded(TubeParametrization(frame, (0.0, 0.0)), self.boundary)
         curved_axis = find_curved_axis(mesh, frame) if self.axis is None else None
-        return self._moved(TubeParametrization(curved_axis or frame, (0.0, 0.0)), mesh)
+        return self._about_axis_of(TubeParametrization(curved_axis or frame, (0.0, 0.0)), mesh)
 
-    def _moved(self, before: Parametrization, mesh: TriangleMesh) -> TubeParametrization:
+    def _about_axis_of(self, before: Parametrization, mesh: TriangleMesh) -> TubeParametrization:
         assert isinstance(before, TubeParametrization)
         if isinstance(before.frame, CurvedAxis):
             return replace(before, span=curved_axis_span(mesh, before.frame, self.margin))
@@ -121,9 +132,9 @@ class Sector(Region):
             )
         frame = sector_frame(find_axis(mesh) if self.axis is None else self.axis)
         whole = TubeParametrization(frame, (0.0, 0.0), (self.start, self.stop))
-        return bounded(whole, self.boundary) if self.boundary else self._moved(whole, mesh)
+        return bounded(whole, self.boundary) if self.boundary else self._about_axis_of(whole, mesh)
 
-    def _moved(self, before: Parametrization, mesh: TriangleMesh) -> TubeParametrization:
+    def _about_axis_of(self, before: Parametrization, mesh: TriangleMesh) -> TubeParametrization:
         assert isinstance(before, TubeParametrization) and isinstance(before.frame, TubeFrame)
         angles = np.linspace(self.start, self.stop, 90)
         return replace(before, span=stations_between(mesh, before.frame, self.margin, angles))
@@ -167,7 +178,7 @@ class Across(Region):
         span, breadth = ((float(c.min() + margin), float(c.max() - margin)) for c in (x, y))
         return bounded(FaceParametrization(below, along, side, up, span, breadth), self.boundary)
 
-    def _moved(self, before: Parametrization, mesh: TriangleMesh) -> FaceParametrization:
+    def _about_axis_of(self, before: Parametrization, mesh: TriangleMesh) -> FaceParametrization:
         assert isinstance(before, FaceParametrization)
         x, y, z = before.along.tolist()
         return replace(self, axis=axis_along((x, y, z))).parametrization(mesh)

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, over_rows
+from ...common.arrays import Array, BoolArray, freeze, over_rows
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import TubeFrame
 from ..sampling.lines import LineGrid
@@ -311,6 +311,11 @@ class ParametrizedLines(LineGrid):
     parametrization: Parametrization = field(kw_only=True)
     s: Array = field(kw_only=True)  # (n,) of the planes [m]
     t: Array = field(kw_only=True)  # (m,) of the lines [rad] or [m]
+
+    def __post_init__(self):
+        super().__post_init__()
+        n, m = self.origins.shape[:2]
+        freeze(self, s=(n,), t=(m,))
 
     def moved_to(self, parametrization: Parametrization, centre: Array | None) -> "ParametrizedLines":
         """Return lines at the same fractions of another region of the same kind.
