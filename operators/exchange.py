@@ -92,14 +92,16 @@ class Export(ExportHelper):
 def fit_to_write(context):
     """Fit the active link as it is now, and return its calibration and what is to be reported about it."""
     link = context.object
-    _, result = results.fit(plans.read_plan(link, context.scene), link_meshes.read_mesh(link, context))
+    plan = plans.read_plan(link, context.scene)
+    _, result = results.fit(plan, link_meshes.read_mesh(link, context))
     warnings = [str(warning) for warning in result.warnings]
     if not any(patch.taxels.ids for patch in result.calibration.patches):
         warnings.append("The file has no taxels. Add a skin to the link, then export again.")
     others = link_objects.namesakes(link, context.scene)
     if others:
         warnings.append(f"{others[0]} has the link name of {link.name}, too. Rename one of them.")
-    return result.calibration, warnings
+    mesh = replace(result.calibration.mesh, file=plan.mesh.name)
+    return replace(result.calibration, mesh=mesh), warnings
 
 
 def write_plan(context, link, path):

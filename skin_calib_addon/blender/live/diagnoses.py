@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Store what was found on the meshes of links, and whether the meshes have changed since.
+"""Store what was found on the meshes of links, and whether the meshes have changed since a diagnosis or a fit.
 
-A diagnosis contains the hash of its mesh. When Blender reports a change of an object, its diagnosis becomes unverified
-at once. After a short time without changes the mesh is compared. If it is the same, the diagnosis is verified. This
-state is not stored in the file, so that undo cannot make it wrong.
+Diagnoses and results contain hashes of their meshes. When Blender reports a change of an object, its diagnosis becomes
+unverified at once. After a short time without changes the mesh is compared. If it is the same, the diagnosis is
+verified; if not, the result is outdated. What is unverified is not stored in the file, so that undo cannot make it
+wrong.
 """
 
 from collections.abc import Callable
@@ -18,20 +19,22 @@ from ...common.errors import InvalidMesh, SkinCalibError, counted
 from ...common.warnings import Warning
 from ...geometry.mesh.defects import Diagnosis, diagnose
 from ..overlay import drawing
-from ..scene import link_meshes, plans, results
+from ..scene import link_meshes, link_objects, plans, results
+from ..scene.facets import Facets
 from ..scene.warnings import refusal_of, write_warnings
 from . import events
 from .background import Work
 
-# [s] Time without a change after which a mesh is compared with the diagnosed one. Larger: the note stays longer;
-# smaller: large meshes are compared while they change.
+# [s] Time without a change after which a mesh is compared with the one before. Larger: a note, or the tick of a fit,
+# stays longer; smaller: large meshes are compared while they change.
 CHECK_DELAY = 0.3
-# [s] Time for which the window waits for the hash of a mesh. Larger: the window freezes longer; smaller: the note stays
-# longer for meshes of medium size.
+# [s] Time for which the window waits for the hashes of meshes. Larger: the window freezes longer; smaller: the note
+# stays longer for meshes of medium size.
 HASH_WAIT = 0.2
 
 unverified: set[str] = set()  # names of objects whose mesh may differ from the diagnosed one
 _hashes: dict[str, Work] = {}  # of the meshes that are compared now
+_facets: dict[str, Facets] = {}  # of the last comparison of each object: only other ones need another hash
 _changed: dict[str, float] = {}  # objects to be compared, and the time of their change
 
 
@@ -130,20 +133,20 @@ def verify() -> float | None:
 
     Return the seconds to the next call, None if none are left.
     """
+    begin = perf_counter()
     for name, since in list(_changed.items()):
         link = bpy.data.objects.get(name)
-        if link is None or not link.skin_calib.diagnosis.key:
+        if link is None or not _is_compared(link):
             unverified.discard(name)
         elif perf_counter() - since < CHECK_DELAY:
             continue
         else:
             if name not in _hashes:
                 _hashes[name] = Work(_hash_of(link))
-                _hashes[name].is_done(HASH_WAIT)
+                _hashes[name].is_done(max(0.0, begin + HASH_WAIT - perf_counter()))
             if not _hashes[name].is_done():
                 continue
-            if _hashes[name].result() == link.skin_calib.diagnosis.key:
-                unverified.discard(name)
+            _use_hash(link, _hashes[name].result())
         _hashes.pop(name, None)
         _changed.pop(name)
         drawing.redraw()
@@ -153,24 +156,32 @@ def verify() -> float | None:
 def _hash_of(link: bpy.types.Object) -> Callable[..., str]:
     """Return what computes the hash of the mesh of a link without Blender; empty if the mesh is invalid."""
     try:
-        facets = link_meshes.read_facets(link, bpy.context)
+        facets = link_meshes.read_facets(link, bpy.context, _facets.get(link.name))
     except SkinCalibError:
         return lambda begin: ""
+    _facets[link.name] = facets
+    return lambda begin: facets.sha256
 
-    def compute(_begin: Callable[[str], None]) -> str:
-        try:
-            return facets.welded().sha256
-        except SkinCalibError:
-            return ""
 
-    return compute
+def _use_hash(link: bpy.types.Object, sha256: str) -> None:
+    """Compare the mesh of a link, given by its hash, with those of its diagnosis and its fit."""
+    if sha256 == link.skin_calib.diagnosis.key:
+        unverified.discard(link.name)
+    if not link_objects.why_not(link) and link.visible_get():  # others are read differently, or not at all
+        results.verify(link, bpy.context.scene, sha256)
+
+
+def _is_compared(link: bpy.types.Object) -> bool:
+    """Return whether a diagnosis or a result depends on the mesh of an object."""
+    return bool(link.skin_calib.diagnosis.key) or results.is_current(link)
 
 
 def _mark_unverified(link: bpy.types.Object) -> None:
-    """Mark the diagnosis of an object, because its mesh may have changed."""
-    if not link.skin_calib.diagnosis.key:
+    """Mark the diagnosis and the result of an object, because its mesh may have changed."""
+    if not _is_compared(link):
         return
-    unverified.add(link.name)
+    if link.skin_calib.diagnosis.key:
+        unverified.add(link.name)
     _hashes.pop(link.name, None)
     _changed[link.name] = perf_counter()
     if not bpy.app.background:  # without a window timers do not run, but the exit waits for them
@@ -187,9 +198,11 @@ def _updated(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 @persistent
 def _scene_replaced(*_: Any) -> None:
-    """Compare every diagnosis after undo, redo, or the opening of a file."""
+    """Compare every diagnosis and every result after undo, redo, or the opening of a file."""
     for of_names in (unverified, _changed, _hashes):
         of_names.clear()
+    for name in _facets.keys() - bpy.data.objects.keys():
+        del _facets[name]
     for link in bpy.data.objects:
         _mark_unverified(link)
 
@@ -205,5 +218,5 @@ def register() -> None:
 def unregister() -> None:
     """Stop listening."""
     events.ignore(HANDLERS, (verify,))
-    for of_names in (unverified, _changed, _hashes):
+    for of_names in (unverified, _changed, _hashes, _facets):
         of_names.clear()

@@ -2,6 +2,7 @@
 """A mesh of the scene as arrays that are independent of Blender, so that another thread can use them."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -49,6 +50,14 @@ class Facets:
             return weld(*self.triangles())
         except InvalidMesh as error:
             raise InvalidMesh(f"{self.name}: {error}", **error.numbers) from error
+
+    @cached_property
+    def sha256(self) -> str:
+        """Return the hash of the mesh; empty if it is invalid."""
+        try:
+            return self.welded().sha256
+        except InvalidMesh:
+            return ""
 
     def mesh(self) -> TriangleMesh:
         """Return the same mesh, which must have the size of a link.

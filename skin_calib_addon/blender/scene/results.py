@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Results of fits: a cache of the last ones by a key of all their input, and their figures on the objects of links.
 
-An object keeps the key of its fit: undo restores both, and an object never uses the result of another.
+An object keeps the key of its fit: undo restores both, and an object never uses the result of another. Whether plan and
+mesh are still those of the fit follows from the key alone, after undo, renaming and reopening, too.
 """
 
 import hashlib
@@ -11,18 +12,35 @@ from threading import Lock
 
 import bpy
 
+from ...common.errors import SkinCalibError
 from ...common.file_hash import file_hash
 from ...geometry.fit.surface_fit import SurfaceFit
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline import Calibrated, calibrate
 from ...pipeline.sources import taxel_files
 from ...plan import Plan, plan_document
+from . import plans
 from .units import metres_per_unit
 from .warnings import write_warnings
 
 KEPT = 64  # results. Larger: more memory; smaller: links of a robot lose their fits, which are then fitted again
 _results: dict[str, Calibrated] = {}
 _lock = Lock()  # fits run in other threads
+
+
+def key_of(plan: Plan, sha256: str) -> str:
+    """Return the key of a result: a hash of all its input. Names of mesh files are not part of it.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the link.
+    sha256 : str
+        Of its mesh.
+    """
+    files = [file_hash(path) for path in taxel_files(plan)]
+    content = json.dumps((plan_document(plan) | {"mesh": sha256}, files), sort_keys=True)
+    return hashlib.sha256(content.encode()).hexdigest()
 
 
 def fit(
@@ -47,18 +65,16 @@ def fit(
     Returns
     -------
     key : str
-        SHA-256 of the plan, the mesh and the taxel files.
+        Of :func:`key_of`.
     result : Calibrated
-        The calibration, its fit and its warnings.
+        The calibration, its fit and its warnings. The name of the mesh file can be that of an earlier plan.
 
     Raises
     ------
     SkinCalibError
         As :func:`calibrate`.
     """
-    files = [file_hash(path) for path in taxel_files(plan)]
-    content = json.dumps((plan_document(plan), files), sort_keys=True) + mesh.sha256
-    key = hashlib.sha256(content.encode()).hexdigest()
+    key = key_of(plan, mesh.sha256)
     result = _results.get(key) or calibrate(plan, mesh, begin, known)
     with _lock:
         _results.pop(key, None)
@@ -71,6 +87,33 @@ def fit(
 def find(key: str) -> Calibrated | None:
     """Return the result with this key; None if it is not in the cache."""
     return _results.get(key)
+
+
+def is_current(link: bpy.types.Object) -> bool:
+    """Return whether a link has a result that is not known to be outdated."""
+    return bool(link.skin_calib.result.key) and not link.skin_calib.result.outdated
+
+
+def verify(link: bpy.types.Object, scene: bpy.types.Scene, sha256: str) -> None:
+    """Mark the result of a link as outdated if plan, mesh or taxel files are no longer those of its fit.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    scene : Scene
+        Its unit settings give the length of a scene unit.
+    sha256 : str
+        Of its mesh now; empty if it is invalid.
+    """
+    if not is_current(link):
+        return
+    try:
+        is_same = key_of(plans.read_plan(link, scene), sha256) == link.skin_calib.result.key
+    except SkinCalibError:
+        is_same = False
+    if not is_same:
+        link.skin_calib.result.outdated = True
 
 
 def clear() -> None:

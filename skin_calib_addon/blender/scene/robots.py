@@ -9,11 +9,12 @@ import numpy as np
 from mathutils import Matrix
 
 from ...common.arrays import Array
+from ...common.errors import SkinCalibError
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline import Calibrated
 from ...plan.skins import following_channel
 from ...robot.urdf import Robot
-from . import results, showing
+from . import link_meshes, results, showing
 from .fields import kept_path
 from .link_objects import activate, add_link, why_not
 from .skins import read_skin
@@ -111,8 +112,20 @@ def urdf_of(link: bpy.types.Object) -> Path | None:
     return Path(bpy.path.abspath(urdf, library=link.library)) if urdf else None
 
 
+def planned_links(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Return the links that have a skin, after their plans and meshes were compared with those of their fits."""
+    planned = [link for link in links(context) if link.skin_calib.skins]
+    for link in planned:
+        try:
+            sha256 = link_meshes.read_facets(link, context).sha256 if results.is_current(link) else ""
+        except SkinCalibError:
+            sha256 = ""
+        results.verify(link, context.scene, sha256)
+    return planned
+
+
 def fit_of(link: bpy.types.Object) -> Calibrated | None:
-    """Return the current fit of a link; None if there is none, or if plan or mesh have changed."""
+    """Return the current fit of a link; None if there is none, or if it is outdated."""
     result = link.skin_calib.result
     return None if result.outdated else results.find(result.key)
 

@@ -1,0 +1,116 @@
+"""A result is that of its mesh: after undo, renaming and reopening, a changed mesh still outdates it."""
+
+import json
+
+import pytest
+
+
+@pytest.fixture
+def fitted(bpy, addon, link, monkeypatch):
+    """Fit a link in a step of undo, and compare meshes without a delay."""
+    monkeypatch.setattr(addon.diagnoses, "CHECK_DELAY", 0)
+    bpy.ops.ed.undo_push(message="start")
+    assert bpy.ops.skin_calib.fit("EXEC_DEFAULT", True) == {"FINISHED"}
+
+
+def outdated(bpy, addon):
+    """Return whether the result is outdated, after all changes were compared."""
+    bpy.context.view_layer.update()
+    addon.diagnoses.verify()
+    return bpy.context.object.skin_calib.result.outdated
+
+
+def undo(bpy, _folder):
+    bpy.context.object.location = (0, 0, 0.02)
+    bpy.ops.ed.undo_push(message="moved")
+    bpy.ops.ed.undo()
+
+
+def reopen(bpy, folder):
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "arm.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "arm.blend"))
+
+
+def rename(bpy, _folder):
+    bpy.context.object.name = "renamed"
+
+
+@pytest.mark.parametrize("before", [undo, reopen, rename], ids=lambda f: f.__name__)
+def test_mesh_that_changes_later_outdates_the_result(bpy, addon, fitted, tmp_path, before):
+    """The same mesh does not."""
+    before(bpy, tmp_path)
+    assert not outdated(bpy, addon)
+    bpy.context.object.scale *= 1.3
+    assert outdated(bpy, addon)
+
+
+def test_renamed_link_follows_its_mesh(bpy, addon, updates, fitted, monkeypatch):
+    """With Live on a changed mesh is fitted again, whatever the name of the object is now."""
+    link = bpy.context.object
+    link.skin_calib.live = True
+    while updates.tick() is not None:
+        pass
+    link.name, key = "renamed", link.skin_calib.result.key
+    link.scale *= 1.1
+    assert outdated(bpy, addon)
+    while updates.tick() is not None:
+        monkeypatch.setattr(updates, "FIT_DELAY", 0.0)
+    assert link.skin_calib.result.key != key and not outdated(bpy, addon)
+
+
+def test_result_that_redo_brings_back_is_compared(bpy, addon, fitted):
+    """The step of a change is stored before the change outdates the result."""
+    bpy.context.object.location = (0, 0, 0.02)
+    bpy.ops.ed.undo_push(message="moved")
+    assert outdated(bpy, addon)
+    bpy.ops.ed.undo()
+    assert not outdated(bpy, addon)
+    bpy.ops.ed.redo()
+    assert bpy.context.object.location.z > 0 and outdated(bpy, addon)
+
+
+def test_mesh_that_cannot_be_compared_keeps_its_result(bpy, addon, fitted):
+    """Modifiers of a disabled object are not evaluated; it is compared once it is shown."""
+    bpy.context.object.modifiers.new("none", "DISPLACE").strength = 0
+    bpy.ops.skin_calib.fit("EXEC_DEFAULT", True)
+    bpy.context.object.hide_viewport = True
+    bpy.ops.ed.undo_push(message="hidden")
+    bpy.ops.ed.undo_push(message="again")
+    bpy.ops.ed.undo()
+    assert not outdated(bpy, addon)
+    bpy.context.object.hide_viewport = False
+    assert not outdated(bpy, addon)
+
+
+def test_unchanged_mesh_is_hashed_once(bpy, addon, fitted, monkeypatch):
+    """The pose of a frame, and undo, only make its triangles be read: hashes of large meshes take seconds."""
+    hashes, facets = [], addon.diagnoses.Facets
+    real = facets.welded
+    monkeypatch.setattr(facets, "welded", lambda self: hashes.append(1) or real(self))
+    frame = bpy.data.objects.new("frame", None)
+    bpy.context.scene.collection.objects.link(frame)
+    bpy.context.object.parent = frame
+    for x in range(3):
+        frame.location.x = x
+        bpy.ops.ed.undo_push(message="moved")
+        assert not outdated(bpy, addon)
+    bpy.ops.ed.undo()
+    assert not outdated(bpy, addon) and len(hashes) == 1
+
+
+def test_robot_is_not_exported_with_the_fit_of_another_mesh(bpy, fitted, tmp_path, capfd):
+    """The export is refused, as after a change of the plan; Fit All then fits the link again."""
+    bpy.context.object.name = "renamed"
+    bpy.context.object.scale *= 1.3
+    folder = tmp_path / "robot"
+    with pytest.raises(RuntimeError, match="renamed: not fitted since the last change. Press Fit All first"):
+        bpy.ops.skin_calib.export_robot(directory=str(folder))
+    assert not folder.exists()
+    assert bpy.ops.skin_calib.fit_all() == {"FINISHED"}
+    assert "Info: Fitted 1 link" in capfd.readouterr().out
+    assert bpy.ops.skin_calib.export_robot(directory=str(folder)) == {"FINISHED"}
+    alone = tmp_path / "alone.json"
+    assert bpy.ops.skin_calib.export_calibration(filepath=str(alone)) == {"FINISHED"}
+    files = (alone, folder / "arm.calibration.json")
+    one, other = (json.loads(path.read_text())["patches"] for path in files)
+    assert one == other
