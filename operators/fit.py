@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fit the active link."""
 
+from dataclasses import replace
+
 import bpy
 from mathutils import Vector
 
@@ -37,7 +39,7 @@ def store_fit(context, link, given, result):
 def _is_unchanged(context, link, plan, facets):
     """Return whether plan and mesh are still those of the fit."""
     try:
-        is_same = plans.read_plan(link, context.scene) == plan
+        is_same = replace(plans.read_plan(link, context.scene), mesh=plan.mesh) == plan  # an export names the mesh
         return is_same and link_meshes.read_facets(link, context).is_same(facets)
     except SkinCalibError:
         return False

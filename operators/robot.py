@@ -223,7 +223,7 @@ class SKIN_OT_export_robot(WhileIdle, OnLinks, bpy.types.Operator):
 
     bl_idname = "skin_calib.export_robot"
     bl_label = "Export Robot"
-    bl_options = {"REGISTER"}
+    bl_options = {"REGISTER", "UNDO"}  # plans keep the names of their mesh files
 
     directory: bpy.props.StringProperty(name="Folder", description="For all files of the robot", subtype="DIR_PATH")
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})

@@ -1,5 +1,6 @@
 """The plan lives in the .blend: it goes in and out whole, and survives what Blender does to files and steps."""
 
+import importlib
 import json
 
 import numpy as np
@@ -86,6 +87,31 @@ def test_export_names_the_mesh_that_lies_there(bpy, link, fit_scene, fit_plainly
     assert sorted(set(tmp_path.iterdir()) - set(before)) == [tmp_path / "new.plan.json"]
     assert json.loads((tmp_path / "new.plan.json").read_text())["mesh"] == "arm.stl"
     assert fit_scene() == fit_plainly(tmp_path / "new.plan.json")
+
+
+def test_exports_of_plans_change_no_result(bpy, link, tmp_path):
+    """They keep the name of the mesh file, in a step of undo of their own, and can be repeated at once."""
+    assert bpy.ops.skin_calib.fit() == {"FINISHED"}
+    key, robot = link.skin_calib.result.key, str(tmp_path / "robot")
+    bpy.ops.ed.undo_push(message="fitted")
+    for _ in range(2):
+        assert bpy.ops.skin_calib.export_robot("EXEC_DEFAULT", True, directory=robot) == {"FINISHED"}
+        assert not link.skin_calib.result.outdated and link.skin_calib.mesh_file == "arm.ply"
+    assert bpy.ops.skin_calib.export_plan("EXEC_DEFAULT", True, filepath=f"{robot}/new.plan.json") == {"FINISHED"}
+    for name in ("arm.ply", "arm.ply", "arm.stl"):
+        bpy.ops.ed.undo()
+        link = bpy.context.object
+        assert (link.skin_calib.mesh_file, link.skin_calib.result.key) == (name, key)
+
+
+def test_export_during_a_fit_changes_no_result(bpy, link, extension, tmp_path):
+    """A fit in a thread is of the same plan, whatever the name of the mesh file is at its end."""
+    fit = importlib.import_module(f"{extension}.operators.fit")
+    given, task = fit.fit_of(bpy.context, link)
+    (tmp_path / "other").mkdir()
+    bpy.ops.skin_calib.export_plan(filepath=str(tmp_path / "other" / "new.plan.json"))
+    fit.store_fit(bpy.context, link, given, task(lambda stage: None))
+    assert link.skin_calib.mesh_file == "new.ply" and not link.skin_calib.result.outdated
 
 
 def test_export_overwrites_no_other_mesh(bpy, link, fit_scene, fit_plainly, tmp_path):

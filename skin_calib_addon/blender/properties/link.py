@@ -89,7 +89,7 @@ class SKIN_PG_steps(bpy.types.PropertyGroup):
 class SKIN_PG_link(bpy.types.PropertyGroup):
     """The plan of one link; an object without a link name is not a link."""
 
-    mesh_file: StringProperty(name="Mesh File", description="Name of the mesh file in exported plans", **PLAN)
+    mesh_file: StringProperty(name="Mesh File", description="Name of the mesh file in exported plans", **FIXED)
     urdf: StringProperty(
         name="URDF",
         description="The robot of this link. With it, the mesh is in the link frame, wherever the object is",
