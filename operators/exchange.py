@@ -24,7 +24,7 @@ from ..skin_calib_addon.geometry.mesh.triangle_mesh import (
 from ..skin_calib_addon.plan import load_plan, named_from, save_plan
 from ..skin_calib_addon.robot.link_mesh import is_urdf, load_plan_mesh
 from .files import Import
-from .on_link import OnLink
+from .on_link import KeepsLink, OnLink
 from .working import WhileIdle
 
 
@@ -136,7 +136,7 @@ def _has_mesh(path, plan, mesh):
         return False
 
 
-class SKIN_OT_export_plan(OnLink, Export, bpy.types.Operator):
+class SKIN_OT_export_plan(KeepsLink, OnLink, Export, bpy.types.Operator):
     """Write the plan of the active link, and its mesh next to it unless the file there is the same"""
 
     bl_idname = "skin_calib.export_plan"
@@ -150,7 +150,7 @@ class SKIN_OT_export_plan(OnLink, Export, bpy.types.Operator):
         return ()
 
 
-class SKIN_OT_export_calibration(WhileIdle, OnLink, Export, bpy.types.Operator):
+class SKIN_OT_export_calibration(KeepsLink, WhileIdle, OnLink, Export, bpy.types.Operator):
     """Write the calibration of the active link, from its current plan and mesh"""
 
     bl_idname = "skin_calib.export_calibration"
@@ -165,7 +165,7 @@ class SKIN_OT_export_calibration(WhileIdle, OnLink, Export, bpy.types.Operator):
         return warnings
 
 
-class SKIN_OT_export_taxels(WhileIdle, OnLink, Export, bpy.types.Operator):
+class SKIN_OT_export_taxels(KeepsLink, WhileIdle, OnLink, Export, bpy.types.Operator):
     """Write the taxels of the active link for another program, from its current plan and mesh"""
 
     bl_idname = "skin_calib.export_taxels"

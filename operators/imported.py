@@ -17,10 +17,10 @@ from ..skin_calib_addon.plan.skins import Frame
 from ..skin_calib_addon.skin.imported import frame_on
 from .files import FromFile
 from .lists import OnSkin
-from .on_link import Edit
+from .on_link import Edit, KeepsLink
 
 
-class SKIN_OT_skin_import(Edit, FromFile, bpy.types.Operator):
+class SKIN_OT_skin_import(KeepsLink, Edit, FromFile, bpy.types.Operator):
     """Add a skin to the active link: the taxels of a file that another program wrote"""
 
     bl_idname = "skin_calib.skin_import"

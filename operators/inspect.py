@@ -7,7 +7,7 @@ from ..skin_calib_addon.blender.handles.view import ray_under
 from ..skin_calib_addon.blender.inspection import comparing, replay, taxel_mesh, taxels
 from ..skin_calib_addon.common.errors import SkinCalibError
 from .files import LooksAtFile
-from .on_link import OnLink, OnResult
+from .on_link import KeepsLink, OnLink, OnResult
 from .picking import NAVIGATION
 
 
@@ -81,7 +81,7 @@ class SKIN_OT_taxel_mesh(OnResult, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class SKIN_OT_compare(OnResult, LooksAtFile, bpy.types.Operator):
+class SKIN_OT_compare(KeepsLink, OnResult, LooksAtFile, bpy.types.Operator):
     """Compare the taxels of the active link with those of a calibration or of another program's file"""
 
     bl_idname = "skin_calib.compare"
@@ -106,7 +106,7 @@ class SKIN_OT_compare_end(OnLink, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class SKIN_OT_replay_open(OnResult, LooksAtFile, bpy.types.Operator):
+class SKIN_OT_replay_open(KeepsLink, OnResult, LooksAtFile, bpy.types.Operator):
     """Show a recording over the skin of the active link: a table or an NPZ file of times and readings"""
 
     bl_idname = "skin_calib.replay_open"

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Base classes of operators on a link: when they are available, and how an edit of its plan ends."""
 
+import bpy
+
 from ..skin_calib_addon.blender.scene import link_objects, results
 from ..skin_calib_addon.common.errors import SkinCalibError
 
@@ -26,6 +28,26 @@ class OnLink(OnMesh):
     @classmethod
     def poll(cls, context):
         return cls.says(link_objects.why_no_link(context))
+
+
+class KeepsLink:
+    """Works on the link for which its file browser was opened, whatever is active once the file is chosen."""
+
+    subject: bpy.props.StringProperty(
+        name="Object", description="The link; empty: the active one", options={"HIDDEN", "SKIP_SAVE"}
+    )
+
+    def invoke(self, context, event):
+        self.subject = context.object.name
+        return super().invoke(context, event)
+
+    def execute(self, context):
+        link = bpy.data.objects.get(self.subject) if self.subject else context.object
+        if link is None:
+            self.report({"ERROR"}, f"{self.subject} was removed or renamed in the meantime. Start again.")
+            return {"CANCELLED"}
+        with context.temp_override(object=link, active_object=link):
+            return super().execute(context)
 
 
 class OnResult(OnLink):

@@ -5,10 +5,10 @@ import bpy
 
 from ..skin_calib_addon.blender.inspection import touching
 from .files import LooksAtFile
-from .on_link import Edit, OnLink, OnResult
+from .on_link import Edit, KeepsLink, OnLink, OnResult
 
 
-class SKIN_OT_touches(OnResult, LooksAtFile, bpy.types.Operator):
+class SKIN_OT_touches(KeepsLink, OnResult, LooksAtFile, bpy.types.Operator):
     """Compare the taxels of the active link with a table of touches: the strongest taxel, and the probe position"""
 
     bl_idname = "skin_calib.touches"

@@ -136,6 +136,33 @@ def test_taxels_for_other_programs_are_those_of_the_command_line(bpy, tmp_path):
     assert not (tmp_path / "none.rsdf").exists()
 
 
+@pytest.mark.parametrize("name", ["export_plan", "export_calibration", "export_taxels"])
+def test_link_of_the_file_browser_is_written(bpy, link, tmp_path, name):
+    """Another link can be active when the file is chosen; the one of the browser can be renamed."""
+    copy, path = link.copy(), tmp_path / "out.csv"
+    copy.skin_calib.link = "other"
+    bpy.context.scene.collection.objects.link(copy)
+    bpy.context.view_layer.objects.active = copy
+    words = {"format": "csv"} if name == "export_taxels" else {}
+    export, files = getattr(bpy.ops.skin_calib, name), []
+    for subject in (link.name, copy.name, ""):
+        assert export(filepath=str(path), subject=subject, **words) == {"FINISHED"}
+        files.append(path.read_text())
+    assert files[0] != files[1] == files[2] and bpy.context.object == copy
+    with pytest.raises(RuntimeError, match="Error: missing was removed or renamed in the meantime. Start again"):
+        export(filepath=str(path), subject="missing", **words)
+
+
+def test_taxels_are_added_to_the_link_of_the_file_browser(bpy, link, tmp_path):
+    """Another link can be active when their file is chosen."""
+    (tmp_path / "pair.csv").write_text("x,y,z\n0.04,0.01,0.06\n0.04,0.02,0.06\n")
+    copy = link.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    bpy.context.view_layer.objects.active = copy
+    assert bpy.ops.skin_calib.skin_import(filepath=str(tmp_path / "pair.csv"), subject=link.name) == {"FINISHED"}
+    assert len(link.skin_calib.skins) == 2 and len(copy.skin_calib.skins) == 1
+
+
 def test_export_repeats_the_warnings_and_says_that_there_is_no_taxel(bpy, link, tmp_path, capfd):
     """A link without skins, and one whose name another object has, are exported with a warning for each."""
     copy = link.copy()
