@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from tests.blender.conftest import look
+
 
 @pytest.fixture
 def fitted(bpy, addon, link, monkeypatch):
@@ -114,3 +116,26 @@ def test_robot_is_not_exported_with_the_fit_of_another_mesh(bpy, fitted, tmp_pat
     files = (alone, folder / "arm.calibration.json")
     one, other = (json.loads(path.read_text())["patches"] for path in files)
     assert one == other
+
+
+def test_other_unit_of_the_scene_outdates_the_result(bpy, addon, fitted):
+    """Mesh and plan have another size then."""
+    assert not outdated(bpy, addon)
+    bpy.context.scene.unit_settings.scale_length = 0.5
+    assert outdated(bpy, addon)
+    assert bpy.ops.skin_calib.fit() == {"FINISHED"} and not outdated(bpy, addon)
+
+
+def test_live_follows_the_unit_of_the_scene(bpy, addon, updates, fitted, monkeypatch):
+    """This counts also while the fit of a change before is due."""
+    monkeypatch.setattr(updates, "FIT_DELAY", 60.0)
+    link = bpy.context.object
+    link.skin_calib.live = True
+    link.skin_calib.grid.n += 1
+    look(updates)
+    means = [updates.reports[link.name].mean]
+    bpy.context.scene.unit_settings.scale_length = 0.5
+    bpy.context.view_layer.update()
+    look(updates)
+    means.append(updates.reports[link.name].mean)
+    assert means[1] == pytest.approx(0.5 * means[0], rel=1e-4)

@@ -21,8 +21,9 @@ from ...geometry.mesh.defects import Diagnosis, diagnose
 from ..overlay import drawing
 from ..scene import link_meshes, link_objects, plans, results
 from ..scene.facets import Facets
+from ..scene.units import metres_per_unit
 from ..scene.warnings import refusal_of, write_warnings
-from . import events
+from . import events, updates
 from .background import Work
 
 # [s] Time without a change after which a mesh is compared with the one before. Larger: a note, or the tick of a fit,
@@ -36,6 +37,7 @@ unverified: set[str] = set()  # names of objects whose mesh may differ from the 
 _hashes: dict[str, Work] = {}  # of the meshes that are compared now
 _facets: dict[str, Facets] = {}  # of the last comparison of each object: only other ones need another hash
 _changed: dict[str, float] = {}  # objects to be compared, and the time of their change
+_metre = 0.0  # length of a scene unit at the last update [m]
 
 
 def examination(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., Diagnosis]:
@@ -189,8 +191,15 @@ def _mark_unverified(link: bpy.types.Object) -> None:
 
 
 @persistent
-def _updated(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Mark the objects whose mesh or position Blender has evaluated again."""
+def _updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Mark the objects whose mesh or position Blender has evaluated again; with another unit of the scene, all."""
+    global _metre
+    metre = metres_per_unit(scene)
+    if metre != _metre:
+        _metre = metre
+        for link in scene.objects:
+            _mark_unverified(link)
+            updates.possibly_changed(link)
     for update in depsgraph.updates:
         if isinstance(update.id, bpy.types.Object) and (update.is_updated_geometry or update.is_updated_transform):
             _mark_unverified(update.id.original)
@@ -199,8 +208,10 @@ def _updated(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 @persistent
 def _scene_replaced(*_: Any) -> None:
     """Compare every diagnosis and every result after undo, redo, or the opening of a file."""
+    global _metre
     for of_names in (unverified, _changed, _hashes):
         of_names.clear()
+    _metre = metres_per_unit(bpy.context.scene)
     for name in _facets.keys() - bpy.data.objects.keys():
         del _facets[name]
     for link in bpy.data.objects:

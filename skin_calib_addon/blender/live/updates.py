@@ -154,6 +154,13 @@ def facets_of(link: bpy.types.Object) -> Facets:
     return _fitted_facets[link.name]
 
 
+def possibly_changed(link: bpy.types.Object) -> None:
+    """Request a comparison of a mesh with the one that was fitted or drawn, because it may have changed."""
+    if link.name in _fitted_facets:
+        _possibly_changed.add(link.name)
+        events.wake(tick)
+
+
 def tick() -> float | None:
     """Start, draw and finish updates; return the seconds to the next call, None if nothing is left."""
     global _job
@@ -363,9 +370,8 @@ def _updated(_scene: Any, depsgraph: bpy.types.Depsgraph) -> None:
     """Remember objects whose mesh, modifiers or position may have changed."""
     for update in depsgraph.updates:
         is_other = update.is_updated_geometry or update.is_updated_transform
-        if is_other and isinstance(update.id, bpy.types.Object) and update.id.name in _fitted_facets:
-            _possibly_changed.add(update.id.name)
-            events.wake(tick)
+        if is_other and isinstance(update.id, bpy.types.Object):
+            possibly_changed(update.id)
 
 
 def _clear() -> None:
