@@ -139,3 +139,52 @@ def test_live_follows_the_unit_of_the_scene(bpy, addon, updates, fitted, monkeyp
     look(updates)
     means.append(updates.reports[link.name].mean)
     assert means[1] == pytest.approx(0.5 * means[0], rel=1e-4)
+
+
+def animate(link):
+    """Move an object from frame 1 to 10."""
+    for frame in (1, 10):
+        link.location.z = 0.002 * frame
+        link.keyframe_insert("location", frame=frame)
+
+
+def test_animated_link_outdates_its_result(bpy, addon, fitted):
+    """Another frame of a link whose frame is the world is another mesh in the link frame."""
+    animate(bpy.context.object)
+    bpy.context.scene.frame_set(1)
+    assert bpy.ops.skin_calib.fit() == {"FINISHED"} and not outdated(bpy, addon)
+    bpy.context.scene.frame_set(5)
+    assert outdated(bpy, addon)
+
+
+def test_animated_frame_of_a_link_outdates_no_result(bpy, addon, fitted):
+    """The pose of the parent is that of the robot."""
+    frame = bpy.data.objects.new("frame", None)
+    bpy.context.scene.collection.objects.link(frame)
+    animate(frame)
+    bpy.context.scene.frame_set(1)
+    bpy.context.object.parent = frame
+    assert bpy.ops.skin_calib.fit() == {"FINISHED"} and not outdated(bpy, addon)
+    bpy.context.scene.frame_set(5)
+    assert not outdated(bpy, addon)
+
+
+def test_live_follows_an_animation(bpy, addon, updates, fitted, monkeypatch):
+    """Each frame is drawn at once; without Live no mesh is read while frames are played."""
+    monkeypatch.setattr(updates, "FIT_DELAY", 0.0)
+    reads, real = [], updates.link_meshes.read_facets
+    monkeypatch.setattr(updates.link_meshes, "read_facets", lambda *given: reads.append(1) or real(*given))
+    link = bpy.context.object
+    animate(link)
+    bpy.context.scene.frame_set(1)
+    for follow in (True, False):
+        link.skin_calib.live = follow
+        bpy.ops.skin_calib.fit()
+        while updates.tick() is not None:
+            pass
+        key = link.skin_calib.result.key
+        reads.clear()
+        bpy.context.scene.frame_set(bpy.context.scene.frame_current + 4)
+        while updates.tick() is not None:
+            pass
+        assert bool(reads) == follow and (link.skin_calib.result.key != key) == follow

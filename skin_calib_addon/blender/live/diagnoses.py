@@ -218,7 +218,10 @@ def _scene_replaced(*_: Any) -> None:
         _mark_unverified(link)
 
 
-HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced) | {"depsgraph_update_post": _updated}
+HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced) | {
+    "depsgraph_update_post": _updated,
+    "frame_change_post": _updated,  # an animation updates objects without the other event
+}
 
 
 def register() -> None:

@@ -374,6 +374,14 @@ def _updated(_scene: Any, depsgraph: bpy.types.Depsgraph) -> None:
             possibly_changed(update.id)
 
 
+@persistent
+def _frame_changed(_scene: Any, depsgraph: bpy.types.Depsgraph) -> None:
+    """Remember animated links with Live on; meshes of others are not read while frames are played."""
+    for update in depsgraph.updates:
+        if isinstance(update.id, bpy.types.Object) and update.id.original.skin_calib.live:
+            possibly_changed(update.id)
+
+
 def _clear() -> None:
     """Stop all updates, and remove all previews."""
     global _job
@@ -396,7 +404,10 @@ def _clear() -> None:
         _leave_now(name)
 
 
-HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced) | {"depsgraph_update_post": _updated}
+HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced) | {
+    "depsgraph_update_post": _updated,
+    "frame_change_post": _frame_changed,
+}
 
 
 def register() -> None:
