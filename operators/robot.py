@@ -191,7 +191,7 @@ class SKIN_OT_fit_all(OverLinks, OnLinks, bpy.types.Operator):
 def links_to_write(context):
     """Return the links with a current fit, which are all that have a plan and are not refused."""
     planned = robots.planned_links(context)
-    waiting = [link.name for link in planned if robots.fit_of(link) is None and link.name not in updates.reports]
+    waiting = [link.name for link in planned if robots.fit_of(link) is None and not updates.is_refused(link)]
     if waiting:
         raise OutputError(f"{listed(waiting)}: not fitted since the last change. Press Fit All first.")
     fitted = [link for link in planned if robots.fit_of(link) is not None]

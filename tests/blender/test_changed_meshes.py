@@ -118,6 +118,17 @@ def test_robot_is_not_exported_with_the_fit_of_another_mesh(bpy, fitted, tmp_pat
     assert one == other
 
 
+def test_robot_is_not_exported_without_a_link_that_has_a_preview(bpy, updates, fitted, tmp_path):
+    """While Live follows a change, the link is not fitted since the last change; it was left out."""
+    link = bpy.context.object
+    link.skin_calib.live = True
+    link.skin_calib.grid.n += 1
+    look(updates)
+    assert updates.reports[link.name].mean > 0
+    with pytest.raises(RuntimeError, match="arm: not fitted since the last change"):
+        bpy.ops.skin_calib.export_robot(directory=str(tmp_path / "robot"))
+
+
 def test_other_unit_of_the_scene_outdates_the_result(bpy, addon, fitted):
     """Mesh and plan have another size then."""
     assert not outdated(bpy, addon)

@@ -272,6 +272,11 @@ def refuse(link: bpy.types.Object, refusal: Warning) -> None:
     drawing.redraw()
 
 
+def is_refused(link: bpy.types.Object) -> bool:
+    """Return whether the plan of a link cannot be computed."""
+    return link.name in reports and reports[link.name].refusal is not None
+
+
 def _preview(link: bpy.types.Object) -> Callable[..., Preview] | None:
     """Return the task of a preview: planes only, or surface and skin without exact errors if Live is on."""
     planes = read_hand_planes(link, bpy.context.scene)
