@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from ..skin_calib_addon.blender.live import updates
-from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans, results, robots, showing, skins
+from ..skin_calib_addon.blender.scene import link_objects, plans, results, robots, showing, skins
 from ..skin_calib_addon.blender.scene.preferences import preferences
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import refusal_of
@@ -105,7 +105,7 @@ class Propose(OverLinks):
         super().choose(context)
 
     def task(self, context, link):
-        facets, settings = link_meshes.read_facets(link, context), link.skin_calib
+        facets, settings = updates.facets_of(link), link.skin_calib
         file = robots.urdf_of(link) or Path(f"{link.name}.ply")  # read only if it is a robot
         task = Task(file, "m", settings.link, self.choice, facets.mesh())
         mesh, channel = Path(settings.mesh_file or f"{link.name}.ply"), robots.next_channel(link, context.scene)
@@ -122,7 +122,7 @@ class Propose(OverLinks):
         plan = numbered(given, robots.next_channel(link, context.scene))  # others can have got skins in the meantime
         plans.check_numbers(plan, metres_per_unit(context.scene))
         plans.write_plan(link, context.scene, plan)
-        settings.proposed, settings.refusal = proposal.taxels, ""
+        settings.proposed = proposal.taxels
         settings.proposed_area = f"{proposal.cells * 1e4:.0f} of {proposal.free * 1e4:.0f} cm^2"
         settings.result.key = ""  # a fit of an earlier plan is not drawn
         updates.forget(link.name)

@@ -65,6 +65,8 @@ def draw_status(layout, link):
     row.operator("skin_calib.fit", icon="SURFACE_DATA")
     row.prop(plan, "live", toggle=True, icon="PLAY")
     report, result = updates.reports.get(link.name), plan.result
+    if plan.refusal and not plan.skins:
+        show_text(layout, plan.refusal, "CANCEL")
     if report and not report.refusal:
         surface = "The surface is coarse. " if report.coarse else ""
         cells = "Cells are interpolated. " if report.interpolated else ""
@@ -74,8 +76,6 @@ def draw_status(layout, link):
         draw_warning(layout, plan, report.refusal, REFUSAL)
         if not plan.proposed and not report.refusal.where.skin:
             show_text(layout, "Or press Propose, which finds surfaces that can be fitted.", "INFO")
-    elif plan.refusal and not plan.skins:
-        show_text(layout, plan.refusal, "CANCEL")
     elif result.key and result.warnings:
         if result.outdated:
             show_text(layout, "Warnings of the last fit, before the change:", "INFO")

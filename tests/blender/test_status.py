@@ -69,6 +69,31 @@ def test_refused_fit_leaves_its_reason_until_a_change(bpy, link, updates):
     assert re.match(r"Mean 0\.\d{4} mm, 6 taxels", draw(bpy, "status")[0])
 
 
+@pytest.mark.parametrize("change", ["fit", "mesh", "skin", "plan"])
+def test_refused_proposal_is_shown_until_a_change(bpy, link, updates, change):
+    """A fit, another mesh, skin or plan removes the refusal; until then the warnings of the last fit are below it."""
+    link.skin_calib.skins.clear()
+    bpy.ops.skin_calib.fit()
+    record = link.skin_calib.result.warnings.add()
+    record.severity, record.message = "warning", "A warning of the fit"
+    bpy.context.scene.skin_calib.skin = "hexagons:300mm"
+    with pytest.raises(RuntimeError, match="No skin fits"):
+        bpy.ops.skin_calib.propose()
+    shown = " ".join(draw(bpy, "status"))
+    assert shown.index("No skin fits") < shown.index("A warning of the fit")
+    if change == "fit":
+        bpy.ops.skin_calib.fit()
+    elif change == "mesh":
+        link.scale *= 0.9
+        bpy.context.view_layer.update()
+        updates.tick()
+    elif change == "skin":
+        bpy.context.scene.skin_calib.skin = "hexagons:8mm"
+    else:
+        link.skin_calib.grid.n += 1
+    assert "No skin fits" not in " ".join(draw(bpy, "status"))
+
+
 def test_overlapping_sheet_loses_the_columns_that_overlap(bpy, link, advice):
     """A sheet longer than the circumference is refused; the button removes as many columns as makes it close."""
     skin = link.skin_calib.skins[0]

@@ -119,7 +119,7 @@ def _leave_now(name: str) -> None:
 
 
 def changed(result: Any, _context: Any) -> None:
-    """Request an update of a link whose result has become outdated.
+    """Request an update of a link whose result has become outdated. A change, or a fit, ends an earlier refusal.
 
     Parameters
     ----------
@@ -128,6 +128,7 @@ def changed(result: Any, _context: Any) -> None:
     _context : Context
         Of Blender.
     """
+    result.id_data.skin_calib.refusal = ""
     if result.outdated:
         result.id_data.skin_calib.diagnosis.outdated = True
         request(result.id_data)
@@ -196,9 +197,7 @@ def _check_possibly_changed() -> None:
             continue
         if link.skin_calib.result.outdated:  # since an earlier change: its preview, or its fit, is of another mesh
             _fitted_facets[name] = facets
-            request(link)
-        else:
-            link.skin_calib.result.outdated = True
+        link.skin_calib.result.outdated = True
 
 
 def _begin() -> None:

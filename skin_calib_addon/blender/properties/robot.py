@@ -8,6 +8,7 @@ from bpy.props import BoolProperty, IntProperty, StringProperty
 
 from ...proposal.skins import FORMS
 from ..scene import robots
+from ..scene.link_objects import why_not
 from .of_keys import tooltip
 from .options import FIXED
 
@@ -25,12 +26,20 @@ def _presets(_robot: Any, _context: Any, text: str) -> list[tuple[str, str]]:
     return [(name, hint) for name, hint in PRESETS if text in names or text.lower() in name]
 
 
+def _skin_changed(robot: Any, _context: Any) -> None:
+    """Remove the refusals of proposals: they are about another skin."""
+    for link in robot.id_data.objects:
+        if not why_not(link):
+            link.skin_calib.refusal = ""
+
+
 class SKIN_PG_robot(bpy.types.PropertyGroup):
     """Settings of the scene."""
 
     skin: StringProperty(
         name="Skin",
         description=f"Skin that is proposed for links; empty: that of the preferences. {tooltip(FORMS)}",
+        update=_skin_changed,
         search=_presets,
         search_options={"SUGGESTION"},
         **FIXED,
