@@ -257,7 +257,8 @@ def is_shown(context: bpy.types.Context, layer: str) -> bool:
     layer : str
         Name of the layer.
     """
-    if why_no_link(context) or not context.space_data.overlay.show_overlays:
+    space = context.space_data
+    if why_no_link(context) or not space.overlay.show_overlays or not context.object.visible_get(viewport=space):
         return False
     plan = context.object.skin_calib
     return plan.show_overlay and layer in plan.layers
