@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.inspection import comparing, replay
+from ..skin_calib_addon.blender.inspection import comparing, replay, taxel_mesh
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene import results
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
@@ -34,6 +34,8 @@ class SKIN_PT_inspect(InspectPanel, bpy.types.Panel):
         field(column, plan.inspect, "heat")
         field(column, plan.inspect, "labels")
         button(layout, "taxel_mesh", icon="OUTLINER_OB_MESH")
+        if taxel_mesh.is_of_another_fit(plan.id_data):
+            show_text(layout, "Of another fit: make it again", "INFO")
         if plan.inspect.heat == "FORCE" and not plan.inspect.replay.file:
             show_text(layout, "Open a recording below", "INFO")
 

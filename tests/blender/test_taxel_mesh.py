@@ -6,8 +6,10 @@ import trimesh
 from numpy.testing import assert_allclose
 
 from tests.blender.conftest import BOARDS, PLAN
+from tests.blender.test_registration import draw
 from tests.blender.test_replay import ours, record  # noqa: F401 (fixtures)
 
+STALE = "Of another fit: make it again"
 ATTRIBUTES = {"channel", "error", "strain", "sigma", "tilt", "force"}
 
 
@@ -58,13 +60,16 @@ def test_each_taxel_is_a_face_with_its_numbers(bpy, addon, plan_file, metre):
 
 
 def test_second_call_replaces_the_faces(bpy, link):
-    """The object stays, with its materials and modifiers; the link stays active."""
+    """After another fit the panel asks for it. The object keeps materials and modifiers, and the link stays active."""
     bpy.ops.skin_calib.fit()
     thing = made(bpy)
     thing.data.materials.append(bpy.data.materials.new("skin"))
+    assert STALE not in draw(bpy, "inspect")
     link.skin_calib.skins[0].rows = 3
     bpy.ops.skin_calib.fit()
+    assert STALE in draw(bpy, "inspect")
     again = made(bpy)
+    assert STALE not in draw(bpy, "inspect")
     assert again == thing and len(thing.data.polygons) == 9 and thing.data.materials[0].name == "skin"
     assert bpy.context.object == link and not thing.skin_calib.link
 

@@ -23,6 +23,7 @@ from . import replay
 from .taxels import result_of, taxels_of
 
 OWNER = "skin_calib_link"  # custom property of the object: its link
+FIT = "skin_calib_fit"  # custom property of the object: key of the fit that its faces are of
 FORCE = "force"
 
 
@@ -49,6 +50,7 @@ def add_taxel_mesh(link: bpy.types.Object, context: bpy.types.Context) -> bpy.ty
         thing[OWNER] = link
         for group in link.users_collection:
             group.objects.link(thing)
+    thing[FIT] = link.skin_calib.result.key
     thing.parent, thing.matrix_parent_inverse = link, link.matrix_world.inverted_safe()
     thing.matrix_basis = link_frame(link) @ Matrix.Scale(1 / metres_per_unit(context.scene), 4)
     _write_faces(thing.data, taxels.corners)
@@ -72,6 +74,12 @@ def add_taxel_mesh(link: bpy.types.Object, context: bpy.types.Context) -> bpy.ty
 def of_link(link: bpy.types.Object) -> Iterator[bpy.types.Object]:
     """Yield the objects with the taxels of a link."""
     return (thing for thing in bpy.data.objects if thing.type == "MESH" and thing.get(OWNER) == link)
+
+
+def is_of_another_fit(link: bpy.types.Object) -> bool:
+    """Return whether a link has an object with its taxels, which is not of its last fit."""
+    thing = next(of_link(link), None)
+    return thing is not None and thing.get(FIT) != link.skin_calib.result.key
 
 
 def errors_of(result: Calibrated) -> Array:
