@@ -383,7 +383,7 @@ def test_added_skins_follow_the_others(bpy, addon, link):
 
 
 def test_maximum_deviation_is_shown_by_the_cursor(bpy, addon, link):
-    """In the world, whatever the pose of the link; the distance there is the reported maximum."""
+    """In the world, whatever the pose of the link; the distance there is the reported maximum, that of a grid."""
     with pytest.raises(RuntimeError, match="Fit the link first"):
         bpy.ops.skin_calib.show_worst()
     bpy.ops.skin_calib.fit()
@@ -392,7 +392,9 @@ def test_maximum_deviation_is_shown_by_the_cursor(bpy, addon, link):
     fit = addon.results.find(link.skin_calib.result.key).fit
     on_link = addon.points_on_link.cursor_on(link, bpy.context.scene)
     assert_allclose(on_link, fit.worst[1], atol=1e-6)
-    assert_allclose(link.skin_calib.result.max, fit.worst[2], rtol=1e-4)
+    result = link.skin_calib.result
+    assert_allclose(result.max, fit.worst[2], rtol=1e-4)
+    assert "at the points of a grid" in result.bl_rna.properties["max_mm"].description
     (mark,) = (layer for layer in addon.drawing.shown_layers(link) if layer.what == "MAXIMUM")
     assert_allclose(mark.points[:4].mean(axis=0), fit.worst[1], atol=1e-7)
     bpy.ops.skin_calib.show_worst()

@@ -43,8 +43,14 @@ class SKIN_PG_result(bpy.types.PropertyGroup):
         name="Outdated", description="The plan was changed after the fit", update=updates.changed, **FIXED
     )
     mean: FloatProperty(name="Mean", description="Mean distance from surface to mesh", **LENGTH)
-    max: FloatProperty(name="Max", description="Largest distance from surface to mesh", **LENGTH)
-    hausdorff: FloatProperty(name="Hausdorff", description="Largest distance, in both directions", **LENGTH)
+    max: FloatProperty(
+        name="Max",
+        description="Largest distance from surface to mesh at the points of a grid; between them it can be larger",
+        **LENGTH,
+    )
+    hausdorff: FloatProperty(
+        name="Hausdorff", description="Largest distance of these points, and of points of the mesh", **LENGTH
+    )
     control_points: IntProperty(name="Control Points", description="Control points of the surface", **FIXED)
     taxels: IntProperty(name="Taxels", description="Taxels of all skins", **FIXED)
     warnings: CollectionProperty(
