@@ -250,7 +250,9 @@ COVER = Record(
         Key(
             "shell",
             choice(
-                Choice("outer", "Outer", "Drop the connected parts that lie inside larger ones"),
+                Choice(
+                    "outer", "Outer", "Drop the connected parts that are mostly within the convex hull of larger ones"
+                ),
                 Choice("seen", "Seen", "Keep the faces that can be seen from outside"),
                 Choice("all", "All", "Keep all connected parts"),
             ),

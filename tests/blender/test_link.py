@@ -202,7 +202,7 @@ def test_check_finds_what_is_there_and_offers_the_outer_shell(bpy, shown):
     link = shown(together(with_hole(TUBE, (0.04, 0.01, 0.06), 0.012), INNER))
     assert draw(bpy, "mesh") == ["Check Mesh"]
     assert bpy.ops.skin_calib.diagnose() == {"FINISHED"}
-    assert said(link)["2 connected parts, 1 of them inside others"] is False
+    assert said(link)["2 connected parts, 1 of them mostly within the convex hull of others"] is False
     assert [matters for what, matters in said(link).items() if what.startswith("3 holes, ")] == [True]
     panel = draw(bpy, "mesh")
     assert {"shell: outer", "shell: seen", "shell: all", "Select Holes and Bad Edges"} <= set(panel)

@@ -16,7 +16,9 @@ class SKIN_PG_diagnosis(bpy.types.PropertyGroup):
     findings: CollectionProperty(
         type=SKIN_PG_warning, name="Findings", description="What the check of the mesh found", **FIXED
     )
-    inner: IntProperty(name="Inner Parts", description="Connected parts that lie inside others", **FIXED)
+    inner: IntProperty(
+        name="Inner Parts", description="Connected parts that are mostly within the convex hull of others", **FIXED
+    )
     edges: IntProperty(name="Edges", description="Edges of holes, and edges with more than two faces", **FIXED)
 
 

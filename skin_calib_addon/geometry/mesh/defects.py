@@ -32,7 +32,7 @@ class Diagnosis:
     flat: int  # faces with nearly no height
     doubled: BoolArray  # (f,) whether another face has the same corners
     part: IntArray  # (f,) number of the part of each face
-    seen: BoolArray  # (f,) whether the part of a face is visible from outside; others are inner parts
+    seen: BoolArray  # (f,) whether the part of a face is outer; others are mostly within the convex hull of these
     joined: int  # number of parts if every edge connected all its faces
     rims: IntArray  # (e, 2) vertices of the edges with one face
     rim_face: IntArray  # (e,) the face of each rim
@@ -54,7 +54,7 @@ class Diagnosis:
 
     @property
     def inner(self) -> int:
-        """Return the number of parts that are inside others."""
+        """Return the number of parts that are mostly within the convex hull of others."""
         return len(np.unique(self.part[~self.seen]))
 
     def holes(self) -> Array:
@@ -88,9 +88,9 @@ class Diagnosis:
         if self.parts == 1:
             yield _finding("parts", "One connected part")
             return
-        what = f"{self.parts} connected parts, {self.inner or 'none'} of them inside others"
+        what = f"{self.parts} connected parts, {self.inner or 'none'} of them mostly within the convex hull of others"
         outer = self.parts - self.inner > 1
-        keep = "Inner parts count only where all parts are kept." if self.inner else ""
+        keep = "Outer leaves these out, also where they can be seen." if self.inner else ""
         cut = "Cut away those without skin." if outer else ""
         yield _finding("parts", what, False, f"{keep} {cut}".strip())
 

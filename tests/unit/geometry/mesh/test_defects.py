@@ -63,7 +63,16 @@ def test_inner_part_is_counted_and_its_holes_are_not():
     found = seen(together(cylinder(), open_box, NEAR))
     assert (found.parts, found.inner) == (3, 1)
     assert len(found.holes()) == 2 and found.seen.sum() == len(cylinder().faces) + 12
-    assert "3 connected parts, 1 of them inside others" in findings(found)
+    assert "3 connected parts, 1 of them mostly within the convex hull of others" in findings(found)
+
+
+def test_part_in_front_of_a_hollow_side_is_not_said_to_be_inside():
+    """A block in the notch of an L is outside, but within the hull: as the cover, the finding is about the hull."""
+    bracket = together(box((0, 0, 0), (0.1, 0.02, 0.05)), box((0, 0.021, 0), (0.02, 0.1, 0.05)))
+    found = seen(together(bracket, box((0.03, 0.03, 0.02), (0.04, 0.04, 0.03))))
+    (about,) = [finding for finding in found.findings() if finding.code == "parts"]
+    assert about.message == "3 connected parts, 1 of them mostly within the convex hull of others"
+    assert about.advice.startswith("Outer leaves these out, also where they can be seen.")
 
 
 def test_holes_that_touch_are_one():
