@@ -120,6 +120,7 @@ class Propose(OverLinks):
         if proposal.plan is None:
             raise InvalidPlan(proposal.reasons[-1])
         plan = numbered(given, robots.next_channel(link, context.scene))  # others can have got skins in the meantime
+        plan = replace(plan, link=settings.link)  # it can have got another name
         plans.check_numbers(plan, metres_per_unit(context.scene))
         plans.write_plan(link, context.scene, plan)
         settings.proposed = proposal.taxels

@@ -14,7 +14,7 @@ from skin_calib_addon.proposal.skins import parse_skin
 from skin_calib_addon.robot.kinematics import link_poses
 from skin_calib_addon.robot.link_mesh import load_urdf_mesh
 from skin_calib_addon.robot.urdf import read_robot
-from tests.blender.conftest import ROOT, oval
+from tests.blender.conftest import ROOT, modules, oval
 from tests.blender.test_refusals import scene_state
 from tests.blender.test_registration import draw
 from tests.shapes import box, subdivided, weld, welded
@@ -311,6 +311,21 @@ def test_proposal_of_a_single_mesh_has_the_plan_of_the_command_line(bpy, documen
     assert all(" ".join(reason.split()) in words for reason in expected["x_proposal"])
     bpy.ops.skin_calib.propose()
     assert document(bpy.context.object) == shown
+
+
+def test_link_that_is_renamed_during_a_proposal_keeps_its_name(bpy, link, extension, monkeypatch):
+    """The surfaces and skins are those of the proposal; its fit is of a plan with another name, so it is outdated."""
+    work, settings = modules(extension, "live.background").background.Work, link.skin_calib
+    result = work.result
+
+    def after_rename(self):
+        settings.link = "renamed"
+        return result(self)
+
+    monkeypatch.setattr(work, "result", after_rename)
+    bpy.context.scene.skin_calib.skin = SKIN
+    assert bpy.ops.skin_calib.propose() == {"FINISHED"}
+    assert settings.link == "renamed" and settings.proposed and settings.result.key and settings.result.outdated
 
 
 def test_refused_proposals_and_exports_state_the_reason(bpy, robot, tmp_path):
