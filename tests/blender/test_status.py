@@ -69,6 +69,31 @@ def test_refused_fit_leaves_its_reason_until_a_change(bpy, link, updates):
     assert re.match(r"Mean 0\.\d{4} mm, 6 taxels", draw(bpy, "status")[0])
 
 
+def test_refusal_stays_while_plan_and_mesh_are_the_same(bpy, link, updates):
+    """Undo of something else keeps it. Undo of a change of plan or mesh removes it, and redo brings it back."""
+
+    def state():
+        while updates.tick() == updates.POLL_INTERVAL:
+            pass
+        return draw(bpy, "status")[0]
+
+    bpy.ops.ed.undo_push(message="start")
+    for change in ("plan", "mesh"):
+        bpy.context.object.skin_calib.skins[0].rows = 14
+        if change == "mesh":
+            bpy.context.object.scale *= 0.9
+        bpy.ops.ed.undo_push(message=change)
+        refused(bpy)
+        bpy.context.object.skin_calib.inspect.text_size += 1
+        bpy.ops.ed.undo_push(message="text")
+        bpy.ops.ed.undo()
+        assert state() == "The fit is refused", change
+        bpy.ops.ed.undo()
+        assert state() != "The fit is refused", change
+        bpy.ops.ed.redo()
+        assert state() == "The fit is refused", change
+
+
 @pytest.mark.parametrize("change", ["fit", "mesh", "skin", "plan"])
 def test_refused_proposal_is_shown_until_a_change(bpy, link, updates, change):
     """A fit, another mesh, skin or plan removes the refusal; until then the warnings of the last fit are below it."""

@@ -48,6 +48,8 @@ class Job:
     is_final: bool
 
 
+Input = tuple[str, Facets | None]  # plan as text, and mesh of a link; or why one of them cannot be read, and None
+
 reports: dict[str, PreviewReport] = {}  # by the object's name
 sketches: dict[str, Sketch] = {}
 after_fit: list[Callable[[bpy.types.Object, bpy.types.Scene], None]] = []  # called once a complete fit is stored
@@ -58,6 +60,7 @@ _fitted_facets: dict[str, Facets] = {}  # facets of the last fit
 _caches: dict[str, StepCache] = {}
 _guests: set[str] = set()  # objects that are followed although Live is off
 _leaving: set[str] = set()  # guests until their next result
+_refused: dict[str, tuple[Input, PreviewReport]] = {}  # the last refusal, and what was refused
 _held: set[str] = set()  # objects that the button Fit works on
 _accompanied: set[tuple[str, str]] = set()  # names of guests, and their plans: undo and redo bring these back
 _job: Job | None = None
@@ -221,6 +224,7 @@ def _begin() -> None:
             return
         if name in _changed and not follows(link):
             forget(name)
+            _refuse_again(link)
 
 
 def follows(link: bpy.types.Object) -> bool:
@@ -255,7 +259,7 @@ def _use_result(job: Job) -> None:
 
 
 def refuse(link: bpy.types.Object, refusal: Warning) -> None:
-    """Report why a plan cannot be computed. The reason and the last result stay until the next change.
+    """Report why a plan cannot be computed. The reason and the last result stay while plan and mesh are the same.
 
     Parameters
     ----------
@@ -265,6 +269,7 @@ def refuse(link: bpy.types.Object, refusal: Warning) -> None:
         The error.
     """
     reports[link.name] = PreviewReport(refusal=refusal)
+    _refused[link.name] = _input_of(link, _fitted_facets.get(link.name)), reports[link.name]
     _changed.pop(link.name, None)
     _previewed.discard(link.name)
     _leave_now(link.name)
@@ -274,6 +279,26 @@ def refuse(link: bpy.types.Object, refusal: Warning) -> None:
 def is_refused(link: bpy.types.Object) -> bool:
     """Return whether the plan of a link cannot be computed."""
     return link.name in reports and reports[link.name].refusal is not None
+
+
+def _refuse_again(link: bpy.types.Object) -> None:
+    """Report the last refusal of a link again if plan and mesh are as they were, as after undo of something else."""
+    result = link.skin_calib.result
+    if link.name not in _refused or result.key and not result.outdated:
+        return
+    given, report = _refused[link.name]
+    if _input_of(link, given[1]) == given:
+        reports[link.name] = report
+        drawing.redraw()
+
+
+def _input_of(link: bpy.types.Object, before: Facets | None) -> Input:
+    """Return plan and mesh of a link, for comparison with those of another time, whose facets are ``before``."""
+    try:
+        text = _text_of(plans.read_plan(link, bpy.context.scene))
+        return text, link_meshes.read_facets(link, bpy.context, before)
+    except SkinCalibError as error:
+        return str(error), None
 
 
 def _preview(link: bpy.types.Object) -> Callable[..., Preview] | None:
@@ -349,6 +374,7 @@ def forget(name: str) -> None:
         _remove_sketch(name)
         _caches.pop(name, None)
         _fitted_facets.pop(name, None)
+        _refused.pop(name, None)
 
 
 def _remove_sketch(name: str) -> None:
@@ -423,5 +449,5 @@ def unregister() -> None:
     """Stop listening."""
     events.ignore(HANDLERS, (tick,))
     _clear()
-    for of_operators in (_guests, _leaving, _held, _accompanied):
+    for of_operators in (_guests, _leaving, _held, _accompanied, _refused):
         of_operators.clear()
