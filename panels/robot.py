@@ -65,12 +65,16 @@ class RobotStep(Step):
         if len(listed()) > 1:
             super().draw(layout, plan)
 
+    def fitted(self):
+        """Return for each link whether it is fitted as it is."""
+        return [super(RobotStep, self).is_done(link.skin_calib) for link in listed()]
+
     def is_done(self, _plan):
-        return all(super(RobotStep, self).is_done(link.skin_calib) for link in listed())
+        return all(self.fitted())
 
     def figure(self, _plan):
-        links = listed()
-        return f"{sum(bool(link.skin_calib.result.key) for link in links)} of {len(links)} fitted"
+        fitted = self.fitted()
+        return f"{sum(fitted)} of {len(fitted)} fitted"
 
     def draw_plan(self, layout, plan):
         scene, link = bpy.context.scene, bpy.context.object

@@ -230,3 +230,13 @@ def test_tab_of_several_links_is_drawn_whole(bpy, link, plan_file):
     assert draw(bpy, "work", is_open=False) == ["Not fitted: press Propose or Fit", "Propose", "Fit", "live"]
     bpy.context.view_layer.objects.active = None
     assert "Propose All" in draw(bpy, "work") and "Import Robot" in draw(bpy, "work")
+
+
+def test_closed_list_of_links_counts_current_fits(bpy, link, plan_file):
+    """A link that has changed after its fit does not count, as in the list."""
+    bpy.ops.skin_calib.fit()
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file("hand")))
+    step = bpy.types.SKIN_PT_work.robot
+    assert step.figure(None) == "1 of 2 fitted"
+    link.skin_calib.grid.n += 1
+    assert step.figure(None) == "0 of 2 fitted" and not step.is_done(None)
