@@ -66,7 +66,7 @@ class Step:
             row = header.row()
             row.alignment = "RIGHT"
             icon = "NONE" if not self.is_done(plan) else "ERROR" if self.has_warnings(plan) else "CHECKMARK"
-            row.label(text="" if is_narrow() else figure, icon=icon)
+            row.label(text="" if is_narrow() else shortened(figure, self.label), icon=icon)
         if body:
             self.draw_plan(body, plan)
 
@@ -193,6 +193,14 @@ def lines_of(text, space=0):
         else:
             lines[-1] = longer
     return [line for line in lines if line]
+
+
+def shortened(text, label):
+    """Return a text, or its start and an ellipsis, so that it fits into one line with a label and its icons."""
+    if fits(f"{label} {text}", ICON_WIDTH):
+        return text
+    size = next((k for k in range(len(text) - 1, 0, -1) if fits(f"{label} {text[:k]}…", ICON_WIDTH)), 0)
+    return f"{text[:size]}…"
 
 
 def parts_of(word, space):

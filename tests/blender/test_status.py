@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.common import errors
 from tests.blender.conftest import modules
-from tests.blender.test_registration import draw
+from tests.blender.test_registration import Layout, draw
 from tests.unit.test_docs import TROUBLES
 
 
@@ -240,3 +240,16 @@ def test_closed_list_of_links_counts_current_fits(bpy, link, plan_file):
     assert step.figure(None) == "1 of 2 fitted"
     link.skin_calib.grid.n += 1
     assert step.figure(None) == "0 of 2 fitted" and not step.is_done(None)
+
+
+def test_long_figure_leaves_space_for_its_label(bpy, link, monkeypatch):
+    """The end of a long link name is left out next to the label of the closed step; a short one is there in full."""
+    monkeypatch.setattr(Layout, "panel_prop", lambda self, *_: (self, None))
+    step = next(step for step in bpy.types.SKIN_PT_work.steps if step.label == "Link")
+    for name in ("arm", "left_shoulder_pitch_upper_arm_cover_link"):
+        link.skin_calib.link = name
+        layout = Layout(bpy, [])
+        step.draw(layout, link.skin_calib)
+        label, figure = layout.shown
+        assert label == "Link" and len(f"{label} {figure}") <= 34
+        assert figure == name if name == "arm" else figure[-1] == "…" and name.startswith(figure[:-1])
