@@ -234,17 +234,15 @@ def find_axis(mesh: TriangleMesh) -> TubeFrame:
     EmptySection
         If the mesh is no tube: sections across its axis are empty.
     InvalidPlan
-        If the mesh is a thin sheet, whose side only the author can choose.
+        If the mesh is a thin sheet: it has no axis, or only the author can choose its side.
     """
     normals, areas = mesh.face_normals, mesh.face_areas
     spread = np.einsum("f,fi,fj->ij", areas, normals, normals)
     axes = np.linalg.eigh(spread)[1]
     thickness, width = np.sort(np.ptp(mesh.vertices @ axes, axis=0))[:2]
     facing = normals @ axes[:, 2]
-    if (
-        thickness < SHEET_THICKNESS_RATIO * width
-        and min(areas[facing > 0].sum(), areas[facing < 0].sum()) > SHEET_SIDE_FRACTION * areas.sum()
-    ):
+    is_thin = thickness < SHEET_THICKNESS_RATIO * width
+    if is_thin and min(areas[facing > 0].sum(), areas[facing < 0].sum()) > SHEET_SIDE_FRACTION * areas.sum():
         x, y, z = np.round(axes[:, 2], 2) + 0.0
         raise InvalidPlan(
             f"The mesh is a thin sheet, {thickness * 1e3:.1f} mm thick and {width * 1e3:.1f} mm wide, with two sides. "
@@ -260,6 +258,12 @@ def find_axis(mesh: TriangleMesh) -> TubeFrame:
         inset = (high - low) / 4
         stations, weights = gauss_stations(low + inset, high - inset, AXIS_SECTIONS)
         centres, radii, planes = section_circles(cut_sections(mesh, frame.planes(stations)), frame)
+        if len(centres) < 2 and is_thin:
+            raise InvalidPlan(
+                f"The mesh is a thin sheet, {thickness * 1e3:.1f} mm thick and {width * 1e3:.1f} mm wide, without an "
+                "axis. If a cut removes the rest of the link, reverse its normal or move its plane. For skin on the "
+                "sheet, choose a grid across a face."
+            )
         if len(centres) < 2:
             raise EmptySection("No axis was found: sections across the mesh are empty. Give the axis in the plan.")
         weights = weights[planes] / weights[planes].sum()

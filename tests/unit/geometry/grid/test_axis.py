@@ -19,10 +19,11 @@ from skin_calib_addon.geometry.grid.axis import (
     stations_between,
     tube_frame,
 )
+from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from skin_calib_addon.geometry.sampling.frames import link_direction, link_side
 from skin_calib_addon.geometry.sampling.sections import cut_sections
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, cone, cylinder, keep, shuffled, welded, wrist
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, box, cone, cylinder, keep, shuffled, welded, wrist
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -301,10 +302,10 @@ def test_ring_wider_than_a_cell_is_a_tube():
     assert 0.0045 - LENGTH / 192 - LENGTH / 400 < high - low < 0.0045
 
 
-def test_single_triangle_has_no_axis():
+def test_mesh_without_a_middle_has_no_axis():
     """What has no sections has no axis; the message says what to do."""
     with pytest.raises(EmptySection, match="No axis was found: sections .* are empty. Give the axis in the plan"):
-        find_axis(weld(np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]), [[0, 1, 2]]))
+        find_axis(keep(cylinder(along=20), lambda centres: np.abs(centres[:, 2] - LENGTH / 2) > 0.4 * LENGTH))
 
 
 def tray(thickness, covered):
@@ -339,6 +340,14 @@ def test_thin_mesh_with_two_sides_is_a_sheet(thickness, covered, is_sheet):
             find_axis(mesh)
     else:
         find_axis(mesh)
+
+
+def test_face_that_a_cut_leaves_has_no_axis():
+    """A cut in the plane of the end of a block keeps this end if it faces outward: the refusal names the cause."""
+    spec = CoverSpec(cuts=(Cut((0, 0, 0), (0, 0, 1)), Cut((0, 0, 0.2), (0, 0, 1))))
+    left = cut_cover(box((-0.03, -0.04, 0), (0.03, 0.04, 0.2)), spec)
+    with pytest.raises(InvalidPlan, match="0.0 mm thick .* If a cut removes the rest of the link, reverse its normal"):
+        find_axis(left)
 
 
 def test_axis_of_arrays_is_that_of_tuples():
