@@ -228,9 +228,7 @@ def read_mesh(path: str | Path) -> TriangleMesh:
     path = Path(path)
     kind = path.suffix.lower().lstrip(".")
     if not os.path.isfile(path):  # Path.is_file raises where a name is too long
-        raise InvalidMesh(
-            f"There is no mesh file at {path}. The path in a plan is relative to the plan's folder.", path=str(path)
-        )
+        raise InvalidMesh(f"There is no mesh file at {path}. Check its name and its folder.", path=str(path))
     if kind not in FORMATS:
         raise InvalidMesh(f"{path.name} has an unknown format. Use one of {', '.join(FORMATS)}.", path=str(path))
     if os.path.getsize(path) == 0:
