@@ -21,6 +21,7 @@ from shapes import ELBOW_RADIUS, FOREARM_LENGTH, RANGE, RANGE_COUNTS, WRIST_RADI
 
 from skin_calib_addon.calibration import LinkCalibration
 from skin_calib_addon.runtime import Skin
+from skin_calib_addon.runtime.poses import pose_from_mujoco
 from skin_calib_addon.runtime.reflexes import Switch
 from skin_calib_addon.runtime.tasks import TorqueResolver, attraction, contact_torques, prioritized
 from skin_calib_addon.runtime.wrench import pressure_driven, proximity_wrench, temperature_wrench
@@ -300,8 +301,7 @@ class Controller:
         gravity, mass = data.qfrc_bias[-JOINTS:].copy(), np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, mass)
         mass = mass[-JOINTS:, -JOINTS:]
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = data.body(self.link).xmat.reshape(3, 3), data.body(self.link).xpos
+        pose = pose_from_mujoco(data.body(self.link).xpos, data.body(self.link).xmat)
         frame = self.skin.update(readings, time)
         kind, variant, geometry = self.case.kind, self.case.variant, self.skin.geometry
 

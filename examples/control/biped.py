@@ -266,7 +266,7 @@ class Senses:
     rotation: Array  # (3, 3) of the pelvis in the world, by the inertial unit
     gyro: Array  # (3,) of the pelvis, in its frame [rad/s]
     readings: dict[str, dict[str, Array]]  # of the skins by body and modality [count]
-    ankles: dict[str, Array]  # (6,) force and torque of each leg on its foot at the ankle, in the foot's frame [N, N m]
+    ankles: dict[str, Array]  # (6,) wrench of each foot on its leg about the ankle, in the foot's frame [N, N m]
 
 
 class Biped:

@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import signal
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import get_context
@@ -77,9 +78,14 @@ def arguments(description: str, page: Path = PAGE, has_animation: bool = True) -
 
 
 def run_all(work: Callable[[Any], Any], cases: Sequence[Any], given: argparse.Namespace) -> list[Any]:
-    """Return the results of the cases in their order, with a progress bar."""
-    with _mapped(work, cases, given.jobs) as results:
-        return list(tqdm(results, total=len(cases)))
+    """Return the results of the cases in their order, with a progress bar; stop if there is no place for the table."""
+    if given.write:
+        _around_table(given)
+    try:
+        with _mapped(work, cases, given.jobs) as results:
+            return list(tqdm(results, total=len(cases)))
+    except KeyboardInterrupt:
+        raise SystemExit("stopped; nothing was written") from None
 
 
 @contextmanager
@@ -87,7 +93,7 @@ def _mapped(work: Callable[[Any], Any], cases: Sequence[Any], jobs: int) -> Iter
     if jobs == 1:
         yield map(work, cases)
     else:
-        with get_context("spawn").Pool(jobs) as pool:
+        with get_context("spawn").Pool(jobs, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
             yield pool.imap(work, cases)
 
 
@@ -120,11 +126,22 @@ def report(given: argparse.Namespace, heads: Sequence[str], rows: Sequence[Seque
     table = "".join(f"| {' | '.join(map(str.ljust, line, widths))} |\n" for line in lines)
     print(table)
     if given.write:
-        begin, end = (f"<!-- {edge} of the table of {given.name}.py -->\n" for edge in ("begin", "end"))
-        before, found, rest = given.page.read_text("utf-8").partition(begin)
-        if not found:
-            raise SystemExit(f"{given.page} has no line {begin}")
-        given.page.write_text(f"{before}{begin}\n{table}\n{end}{rest.partition(end)[2]}", "utf-8")
+        before, after = _around_table(given)
+        given.page.write_text(f"{before}\n{table}\n{after}", "utf-8")
+
+
+def _around_table(given: argparse.Namespace) -> tuple[str, str]:
+    """Return the parts of the page before and after the table, with its marks."""
+    begin, end = (f"<!-- {edge} of the table of {given.name}.py -->\n" for edge in ("begin", "end"))
+    try:
+        text = given.page.read_text("utf-8")
+    except OSError as error:
+        raise SystemExit(f"cannot read {given.page}: {error.strerror}") from error
+    before, found, rest = text.partition(begin)
+    _, found_end, after = rest.partition(end)
+    if not (found and found_end):
+        raise SystemExit(f"{given.page} has no line {end if found else begin}")
+    return before + begin, end + after
 
 
 class Camera:

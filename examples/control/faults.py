@@ -7,6 +7,7 @@ Noise and latency are larger from the start. With the flags, silent cells of a s
 the full sole is assumed. If the contact of a foot is not known, its step ends by time, and the robot stops stepping.
 """
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -60,7 +61,7 @@ class Result:
     stands: bool
     steps: int  # that were made
     stopped: float  # time from the fault to the decision to stop stepping [s]; NaN if there was none
-    apart: float  # mean distance of the felt ZMP from the true one [m]
+    apart: float  # mean distance of the felt ZMP from the true one of the cycle before [m]
 
 
 def run(case: Case, each: Callable[[Biped], None] | None = None) -> Result:
@@ -70,10 +71,11 @@ def run(case: Case, each: Callable[[Biped], None] | None = None) -> Result:
     faults = FAULTS[case.fault](since, rng)
     robot = Biped(seed=case.seed, faults=faults, proximity=False, period=case.period)
     walker = Walker(robot, forward_steps(case.steps, STEP, WIDTH), heeds=case.heeds)
-    apart: list[float] = []
+    apart, true = [], deque([np.full(2, np.nan)] * 2, maxlen=3)
 
     def look(robot: Biped) -> None:
-        apart.append(float(np.linalg.norm(walker.log.rows[-1]["zmp"] - robot.true_zmp())))
+        true.append(robot.true_zmp())  # the felt one is of the readings of the cycle before, and there was a step since
+        apart.append(float(np.linalg.norm(walker.log.rows[-1]["zmp"] - true[0])))
         if each:
             each(robot)
 

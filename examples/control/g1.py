@@ -32,7 +32,7 @@ from biped import (
     mujoco,
     proximity_counts,
 )
-from estimator import GRAVITY, cross
+from estimator import ground_wrenches
 from experiment import arguments, report, run_all, spread
 from legs import rotation
 from shapes import RANGE, RANGE_COUNTS
@@ -43,13 +43,15 @@ from skin_calib_addon.calibration.exchange.mjcf import write_mjcf
 from skin_calib_addon.cli import main as skin_calib
 from skin_calib_addon.runtime import Body, Plane, Skin, convex_hull, zero_moment_point
 from skin_calib_addon.runtime.balance.walking import (
+    GRAVITY,
     com_velocity_command,
     desired_zmp,
     divergent_component,
     pendulum_frequency,
 )
+from skin_calib_addon.runtime.plane import cross
 from skin_calib_addon.runtime.poses import pose_from_mujoco
-from skin_calib_addon.runtime.wrench import turned
+from skin_calib_addon.runtime.wrench import about
 
 URDF = Path(__file__).resolve().parents[3] / "shared/data/robots/g1_description/g1_29dof_rev_1_0.urdf"
 SKIN = "hexagons:8mm"
@@ -209,7 +211,7 @@ class Senses:
     turn: Array  # (3, 3) of the pelvis, by the inertial unit
     gyro: Array  # (3,) [rad/s]
     readings: dict[str, dict[str, Array]]  # of the skins by modality [N, count]
-    ankles: dict[str, Array]  # (6,) force and torque of each leg on its foot, in the frame of the foot [N, N m]
+    ankles: dict[str, Array]  # (6,) wrench of each foot on its leg about the ankle, in the frame of the foot [N, N m]
 
 
 class G1:
@@ -399,14 +401,8 @@ class Balancer:
 
     def _by_ankles(self, senses: Senses) -> tuple[Array, dict[str, Array]]:
         """Return the ZMP (2,), and the wrench (6,) of the ground on each foot about its ankle, in the world."""
-        total, found = np.zeros(6), {}
-        for foot, k in self.feet.items():
-            weight = np.array((0.0, 0.0, self.model.body_mass[k] * GRAVITY))
-            wrench = turned(senses.ankles[foot], self.data.xmat[k].reshape(3, 3))
-            wrench[:3] += weight
-            wrench[3:] += cross(self.data.xipos[k] - self.data.xpos[k], weight)
-            found[foot] = wrench
-            total += np.concatenate((wrench[:3], wrench[3:] + cross(self.data.xpos[k], wrench[:3])))
+        found = ground_wrenches(self.model, self.data, self.feet, senses.ankles)
+        total = np.sum([about(wrench, -self.data.xpos[self.feet[foot]]) for foot, wrench in found.items()], axis=0)
         zmp = zero_moment_point(total) if total[2] > 1 else None
         return np.full(2, np.nan) if zmp is None else zmp, found
 

@@ -14,10 +14,12 @@ from pathlib import Path
 import numpy as np
 from biped import PERIOD
 from experiment import arguments, count, positive, report, run_all, spread, whole
-from g1 import FEET, G1, GRAVITY, Balancer, Senses, propose, with_g1
+from g1 import FEET, G1, Balancer, Senses, propose, with_g1
 from landing import Impact, Judge
 from walker import Gait, Proximity, descent, quintic
 from zmp_plan import ZmpPlan
+
+from skin_calib_addon.runtime.balance.walking import GRAVITY, com_velocity
 
 LEAD, SHIFT, REST = 0.5, 1.5, 0.5  # before and while the ZMP moves to one foot, and until the other is lifted [s]
 COMPLIANT = Proximity(lead=0.17)  # so that the foot does not land later than without
@@ -96,7 +98,7 @@ class Stepper(Balancer):
 
     def _shift(self, since: float) -> None:
         self.reference = self.plan.at(since)
-        move = self.omega * (self.reference.dcm - self.goal) * PERIOD  # of the pendulum (4.10)
+        move = com_velocity(self.goal, self.reference.dcm, self.omega) * PERIOD
         self.com, self.goal = self.com + move, self.goal + move
 
     def _swing(self, foot: str, since: float) -> None:
@@ -120,7 +122,7 @@ def run(case: Case, each: Callable[[G1], None] | None = None) -> tuple[bool, lis
     robot = G1(case.urdf, case.folder, case.seed, case.proximity)
     gait = Gait(landing_speed=case.speed)
     stepper = Stepper(robot, case.urdf, case.steps, gait, COMPLIANT if case.proximity else None)
-    judge = Judge(stepper)
+    judge = Judge(stepper, stepper.centres)
     while robot.stands and not stepper.is_done and robot.data.time < 5 * (case.steps + 1):
         targets, torques, *_ = stepper.cycle(robot.senses())
         robot.step(targets, torques)

@@ -12,12 +12,15 @@ that it is about as fast when it meets the obstacle. Landings on the obstacle an
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
-from biped import FLAT, PERIOD, Biped
+from biped import FEET, FLAT, PERIOD, Biped
 from estimator import SOLE_CENTRE
 from experiment import arguments, count, film_both, positive, report, run_all, spread, whole
 from shapes import HALF_SIZE
 from walker import Gait, Proximity, Walker, forward_steps, walk
+
+from skin_calib_addon.runtime.plane import cross
 
 STEP, WIDTH = 0.15, 0.18  # [m]
 OBSTACLE_AT, OBSTACLE_HALF = np.array((3 * STEP, -WIDTH / 2)), np.array((0.15, 0.07))  # below the third step [m]
@@ -56,7 +59,7 @@ class Impact:
     """How a foot met the ground, true values."""
 
     force: float  # largest [N]
-    speed: float  # of the foot [m/s]
+    speed: float  # with which the centre of the sole moved down in the cycle before [m/s]
     time: float  # since the begin of the single support [s]
     place: Array  # (3,) of the ankle [m]
 
@@ -82,10 +85,12 @@ class Judge:
     ----------
     walker : Walker
         Its phases say which foot swings.
+    centres : dict of (3,) arrays
+        The centre of each sole in the frame of its foot [m].
     """
 
-    def __init__(self, walker: Walker):
-        self.walker, self.impacts = walker, []
+    def __init__(self, walker: Walker, centres: dict[str, Array]):
+        self.walker, self.centres, self.impacts = walker, centres, []
         self.foot: str | None = None  # that swings, or has landed just now
         self.landed: float | None = None
         self.swinging: str | None = None
@@ -107,7 +112,14 @@ class Judge:
             self.impacts.append(Impact(robot.peaks.pop(self.foot), self.impact_speed, since, self.place))
             self.foot = self.landed = None
         if self.foot:
-            self.speed = -float(robot.data.body(robot.foot_bodies[self.foot]).cvel[5])
+            self.speed = sinking(robot, robot.foot_bodies[self.foot], self.centres[self.foot])
+
+
+def sinking(robot: Biped, body: str, point: Array) -> float:
+    """Return how fast a point (3,) of a body moves down [m/s]."""
+    velocity, turn = np.zeros(6), robot.data.body(body).xmat.reshape(3, 3)
+    mujoco.mj_objectVelocity(robot.model, robot.data, mujoco.mjtObj.mjOBJ_XBODY, robot.model.body(body).id, velocity, 0)
+    return -float(velocity[5] + cross(velocity[:3], turn @ point)[2])
 
 
 def run(case: Case, each: Callable[[Biped], None] | None = None) -> tuple[bool, list[Impact]]:
@@ -116,7 +128,7 @@ def run(case: Case, each: Callable[[Biped], None] | None = None) -> tuple[bool, 
     gait = Gait(landing_speed=case.speed, lift=LIFTS[case.ground])
     steps = forward_steps(case.steps, STEP, WIDTH)
     walker = Walker(robot, steps, gait, proximity=Proximity() if case.proximity else None)
-    judge = Judge(walker)
+    judge = Judge(walker, dict.fromkeys(FEET, SOLE_CENTRE))
 
     def look(robot: Biped) -> None:
         judge(robot)

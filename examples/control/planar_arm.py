@@ -25,6 +25,7 @@ from skin_calib_addon.calibration.exchange.mjcf import write_mjcf
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan
 from skin_calib_addon.runtime import Body, BodyFrame, Skin
+from skin_calib_addon.runtime.poses import pose_from_mujoco
 from skin_calib_addon.runtime.reflexes import IntentionalContact, Stage, blended
 from skin_calib_addon.runtime.tasks import attraction, contact_torques, prioritized
 from skin_calib_addon.runtime.wrench import proximity_wrench
@@ -246,10 +247,13 @@ class Controller:
         if self.policy == "without skin":
             self.torques = prioritized(goal, inertia) + damping
             return self.torques
-        poses = {link: self._pose(link) for link in LINKS}
+        bodies = {link: data.body(link) for link in LINKS}
+        poses = {link: pose_from_mujoco(body.xpos, body.xmat) for link, body in bodies.items()}
         frame = self.body.update(readings, time, poses)
-        for link, f in frame.links.items():
-            self.felt[link] = self.felt[link] + PERIOD / FELT_TIME * (f.wrench - self.felt[link])
+        unknown = np.full(6, np.nan)
+        wrenches = {link: frame.links[link].wrench if link in frame.links else unknown for link in LINKS}
+        for link, wrench in wrenches.items():  # the mean of what is not known decreases
+            self.felt[link] = self.felt[link] + PERIOD / FELT_TIME * (np.nan_to_num(wrench) - self.felt[link])
         felt = {
             link: wrench * min(1.0, REACTION / np.linalg.norm(wrench[:3]))
             for link, wrench in self.felt.items()
@@ -258,12 +262,13 @@ class Controller:
         virtual = self._repulsion(frame, RANGE)
         self.contact = max(float(np.linalg.norm(w[:3])) for w in self.felt.values())
         self.contact *= self.contact > MIN_FORCE
-        self.near = max(float(np.linalg.norm(w[:3])) for w in virtual.values())
+        self.near = max((float(np.linalg.norm(w[:3])) for w in virtual.values()), default=0.0)
         self.progress += PERIOD / SPEED_TIME * (velocity - self.progress)
         self.speed = float(np.linalg.norm(self.progress))
         if self.stages is not None:
             is_at_goal = bool(np.linalg.norm(GOAL - x) < AT_GOAL)
-            self.stage = self.stages.update(time, self.speed, is_at_goal, self.near, self.contact)
+            contact = self.contact if np.isfinite([*wrenches.values()]).all() else np.nan
+            self.stage = self.stages.update(time, self.speed, is_at_goal, self.near, contact)
             if self.stages.since == time:
                 self.before = self.torques
         if self.stage is not Stage.AVOID:
@@ -293,11 +298,6 @@ class Controller:
     def _task(self, wrenches: dict[str, Array], poses: dict[str, Array]) -> tuple[Array, Array]:
         rows = contact_torques(wrenches, poses, self._jacobian, JOINTS)
         return rows.sum(axis=0), rows
-
-    def _pose(self, link: str) -> Array:
-        pose, body = np.eye(4), self.data.body(link)
-        pose[:3, :3], pose[:3, 3] = body.xmat.reshape(3, 3), body.xpos
-        return pose
 
     def _jacobian(self, link: str) -> Array:
         jacobian = np.zeros((6, JOINTS))

@@ -8,7 +8,7 @@ again, and put down next to what it felt. Without the skin the robot walks on. T
 stays below the other foot for a while, so that a foot can be lifted again.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from estimator import SOLE_CENTRE, State
 from experiment import arguments, count, film_both, report, run_all, spread, stands_and_steps
 from foothold import full_sole
 from shapes import HALF_SIZE, PITCH
-from walker import Gait, Walker, forward_steps, walk
+from walker import Gait, Log, Walker, forward_steps, walk
 
 from skin_calib_addon.runtime import convex_hull
 from skin_calib_addon.runtime.balance.foothold import must_replan, sidestep
@@ -31,6 +31,7 @@ GAIT = Gait(single=0.9, double=0.6, hold=0.4)
 MIN_AREA = 0.8  # epsilon_A of the thesis: parts of the sole near the ground up to this are not safe
 NEAR = 0.012  # a proximity sensor with less is above what the sole stands on [m]
 CELL = 0.015  # half the distance of the proximity sensors [m]
+IMPACT = 0.02  # time after a contact in which the moment at the ankle is sought [s]
 CLEARANCE = 0.015  # of the new step from the obstacle [m]
 MAX_RETRIES = 2  # of one step
 SOLE = convex_hull(HALF_SIZE * [(1, 1), (-1, 1), (-1, -1), (1, -1)])  # about its centre
@@ -56,12 +57,12 @@ OBSTACLES = {
     + block((0.2, 0.4), (0.2, 0.6))
     + block((0.2, 0.4), (-0.6, -0.2)),
 }
-# Table 3 of the thesis: area at the contact [%], and what the robot did.
+# Table 3 of the thesis: moment at the ankle [N m], area at the contact [%], and what the robot did by each of them.
 THESIS = {
-    "large block": ("85", "steps on it"),
-    "small block at the border": ("16", "new step"),
-    "small block in the middle": ("33", "new step"),
-    "three pebbles": ("23", "new step"),
+    "large block": ("6.5", "85", "steps on it, steps on it"),
+    "small block at the border": ("8.6", "16", "new step, new step"),
+    "small block in the middle": ("6.0", "33", "steps on it, new step"),
+    "three pebbles": ("4.5", "23", "steps on it, new step"),
 }
 
 
@@ -82,6 +83,7 @@ class Result:
     steps: int  # that were made
     retracted: tuple[str, ...]  # the feet that were lifted again
     area: float  # near the ground at the first contact with the obstacle, relative to the sole; NaN without the skin
+    moments: list[tuple[float, float]]  # at the ankle, by landing: at the contact, and the largest of its impact [N m]
 
 
 class Rule:
@@ -137,7 +139,24 @@ def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Resu
     stands = walk(robot, walker, 30.0, each=lambda robot: each(robot, walker) if each else None)
     # The first step of the right foot is on flat ground, the second one on the obstacle.
     area = rule.areas["right"][1] if rule and len(rule.areas["right"]) > 1 else np.nan
-    return Result(stands, len(walker.log.landings), tuple(row["foot"] for row in walker.log.retracted), area)
+    again = tuple(row["foot"] for row in walker.log.retracted)
+    return Result(stands, len(walker.log.landings), again, area, moments_of(walker.log))
+
+
+def moments_of(log: Log) -> list[tuple[float, float]]:
+    """Return the moment at the ankle at each landing, and the largest one of its impact [N m]."""
+    found = []
+    for landing in log.landings:
+        since = [
+            row["moments"][landing["foot"]] for row in log.rows if 0 <= row["time"] - landing["time"] < IMPACT + 1e-9
+        ]
+        found.append((since[0], max(since)))
+    return found
+
+
+def spreads(moments: Iterable[tuple[float, float]]) -> list[str]:
+    """Return the moments at the contacts, and the largest ones of the impacts, as texts."""
+    return [spread(values, 1) for values in zip(*moments)]
 
 
 def main() -> None:
@@ -150,7 +169,10 @@ def main() -> None:
     for k, obstacle in enumerate(OBSTACLES):
         blind, felt = (found[j * given.seeds : (j + 1) * given.seeds] for j in (2 * k, 2 * k + 1))
         again, area = count(bool(r.retracted) for r in felt), spread([100 * r.area for r in felt])
-        rows.append((obstacle, *stands_and_steps(blind, felt), again, area, *THESIS[obstacle]))
+        moments = spreads(r.moments[ONTO] for r in blind)
+        rows.append((obstacle, *stands_and_steps(blind, felt), again, area, *moments, *THESIS[obstacle]))
+    flat = spreads(pair for r in found for pair in r.moments[:ONTO])
+    rows.append(("none: the steps before", "", "", "", "", "", "", *flat, "", "", ""))
     heads = (
         "obstacle",
         "without the skin: stands",
@@ -159,8 +181,11 @@ def main() -> None:
         f"steps of {STEPS}",
         "new step",
         "area at the contact [%]",
-        "thesis: area [%]",
-        "thesis, with skin",
+        "moment at the ankle: contact [N m]",
+        "largest of the impact [N m]",
+        "thesis: moment [N m]",
+        "area [%]",
+        "robot, by moment and by area",
     )
     report(given, heads, rows)
     films = [

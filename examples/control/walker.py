@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from biped import ARM, DAMPING, FEET, Biped, Senses
 from distribution import distribute
-from estimator import GRAVITY, SOLE_CENTRE, STALE, Estimator, State
+from estimator import SOLE_CENTRE, STALE, Estimator, State
 from foothold import MIN_LOAD, Foothold, full_sole
 from legs import joint_angles, rotation
 from zmp_plan import Reference, ZmpPlan
@@ -14,7 +14,10 @@ from zmp_plan import Reference, ZmpPlan
 from skin_calib_addon.runtime import Frame, Skin, convex_hull, zero_moment_point
 from skin_calib_addon.runtime.balance.polygon import Polygon
 from skin_calib_addon.runtime.balance.walking import (
+    GRAVITY,
+    com_velocity,
     com_velocity_command,
+    dcm_velocity,
     desired_zmp,
     divergent_component,
     pendulum_frequency,
@@ -182,7 +185,7 @@ class Walker:
         self._learn(state)
         since = self.clock - self.began
         reference = self.plan.at(self.clock - self.planned)
-        velocity = self.omega * (reference.dcm - self.com_reference)  # of the pendulum (4.10)
+        velocity = com_velocity(self.com_reference, reference.dcm, self.omega)
         self.com_reference = self.com_reference + velocity * self.period
         dcm = divergent_component(state.com[:2], state.com_velocity[:2], self.omega)
         is_held = self._is_unsure(state)
@@ -217,6 +220,7 @@ class Walker:
                 "dcm_reference": reference.dcm,
                 "com": state.com,
                 "loads": tuple(np.nan if state.felt.loads[foot] is None else state.felt.loads[foot] for foot in FEET),
+                "moments": state.ankle.moments,
                 "soles": np.stack([state.soles[foot] for foot in FEET]),
             }
         )
@@ -465,7 +469,7 @@ def plan_rate(reference: Reference, dcm: Array, omega: float, gains: Gains) -> f
 
     A ZMP at the edge of the foothold cannot bring the DCM back to a plan that does not wait for it.
     """
-    velocity = omega * (reference.dcm - reference.zmp)  # of the DCM (4.12)
+    velocity = dcm_velocity(reference.dcm, reference.zmp, omega)
     ahead = (dcm - reference.dcm) @ velocity / (velocity @ velocity + gains.slow**2)  # [s]
     ahead -= np.clip(ahead, -gains.delay, gains.delay)
     return float(np.clip(1 + ahead / gains.catch_up, 0.0, gains.fastest))

@@ -299,7 +299,10 @@ def zero_moment_point(wrench: Array, height: float = 0.0) -> Array | None:
     Returns
     -------
     array, shape (2,), or None
-        Coordinates along the x and y axes [m]; None if the force on the plane is not positive.
+        Coordinates along the x and y axes [m]; None if the force on the plane is not positive, or too small for them.
     """
     fx, fy, fz, tx, ty, _ = wrench.tolist()
-    return np.array((-ty + height * fx, tx + height * fy)) / fz if fz > 0 else None
+    if not fz > 0:
+        return None
+    x, y = (-ty + height * fx) / fz, (tx + height * fy) / fz
+    return np.array((x, y)) if math.isfinite(x) and math.isfinite(y) else None

@@ -33,10 +33,11 @@ class Switch:
         if not off <= on:
             raise ValueError(f"the level off, {off:g}, must not be larger than the level on, {on:g}")
         self.is_on = False
-        self._on, self._off, self._hold, self._last = on, off, hold, -math.inf
+        self._on, self._off, self._hold = on, off, hold
+        self._last, self._time = -math.inf, math.inf  # time of the last value that was not below, and of the last one
 
     def update(self, value: float, time: float) -> bool:
-        """Return whether it is on. A value that is not a number changes nothing.
+        """Return whether it is on. A value that is not a number changes nothing, and its time does not count.
 
         Parameters
         ----------
@@ -45,11 +46,14 @@ class Switch:
         time : float
             That never decreases [s].
         """
+        if math.isnan(value):
+            self._last += max(time - self._time, 0.0)
+        self._time = time
         if value >= self._on:
             self.is_on = True
-        if not value < self._off:
+        if value >= self._off:
             self._last = time
-        elif self.is_on and time - self._last >= self._hold:
+        elif value < self._off and self.is_on and time - self._last >= self._hold:
             self.is_on = False
         return self.is_on
 
@@ -70,7 +74,8 @@ class IntentionalContact:
 
     As printed, the stage is PUSH only while the robot is slow. As soon as it approaches the obstacle, it avoids it
     again. Here PUSH lasts until no obstacle is near. YIELD lasts until the force is below half of the limit for a time.
-    A robot that is slow because it is at its goal does not push.
+    A robot that is slow because it is at its goal does not push. Nor does one that does not know its speed, or what it
+    feels: values that are not numbers do not begin PUSH, and do not end YIELD.
 
     Parameters
     ----------
@@ -102,7 +107,8 @@ class IntentionalContact:
         near, contact : float
             Sizes of the force of :func:`.proximity_wrench` and of the largest contact [N].
         """
-        if speed > self._slow or is_at_goal or self._moved == math.inf:
+        is_known = not math.isnan(speed + near + contact)
+        if speed > self._slow or is_at_goal or not is_known or self._moved == math.inf:
             self._moved = time
         if near > 0 or contact > 0:
             self._met = time

@@ -90,7 +90,7 @@ def prioritized(tasks: Iterable[tuple[Any, Any]], inertia: Any) -> Array:
     Raises
     ------
     ValueError
-        If a number of joints does not match.
+        If a number of joints does not match, or a Jacobian has values that are not finite.
     numpy.linalg.LinAlgError
         If the inertia matrix is not positive definite.
     """
@@ -100,6 +100,8 @@ def prioritized(tasks: Iterable[tuple[Any, Any]], inertia: Any) -> Array:
     taken, total = np.empty((0, n)), np.zeros(n)  # directions of higher tasks, scaled by the inertia; scaled torque
     for torque, given in tasks:
         torque, rows = np.asarray(torque, float), np.asarray(given, float).reshape(-1, np.shape(given)[-1])
+        if not np.isfinite(rows).all():
+            raise ValueError("a Jacobian has values that are not finite numbers")
         if torque.shape != (n,) or rows.shape[1] != n:
             raise ValueError(f"a task with torque {torque.shape} and Jacobian {rows.shape} does not fit {n} joints")
         scaled = inverse @ torque
@@ -144,8 +146,9 @@ def attraction(
 class TorqueResolver:
     r"""Move servos as if torques drove the joints: :math:`M \ddot{q} + D \dot{q} = \tau` (thesis figure 10).
 
-    So a robot with position or velocity servos yields. The step is implicit in the damping. Without a torque
-    the kinetic energy never increases, for any time step.
+    So a robot with position or velocity servos yields. The step is implicit in the damping. Without a torque and with a
+    constant inertia the kinetic energy never increases, for any time step. The torques by which a changing inertia
+    moves the joints (Coriolis) are left out, so the damping must be large enough that the motion is slow.
 
     Parameters
     ----------
@@ -154,7 +157,7 @@ class TorqueResolver:
     damping : float or array, shape (n,)
         :math:`D` [N m s/rad]. Larger: slower motions.
     limits : array, shape (n, 2), optional
-        Smallest and largest angles [rad]; a joint stops there.
+        Smallest and largest angles [rad]; a joint stops there, as by an impact without rebound.
     """
 
     def __init__(self, angles: Any, damping: Any, limits: Any = None):
@@ -181,6 +184,17 @@ class TorqueResolver:
         self.angles = self.angles + period * self.velocities
         if self._limits is not None:
             inside = np.clip(self.angles, *self._limits.T)
-            self.velocities = np.where(inside == self.angles, self.velocities, 0.0)
+            stopped = inside != self.angles
+            if stopped.any():
+                self.velocities = _stopped(self.velocities, mass, stopped)
             self.angles = inside
         return self.angles
+
+
+def _stopped(velocities: Array, mass: Array, stopped: Array) -> Array:
+    """Return the velocities (n,) after impulses on the joints that stop: the momentum of the others is kept."""
+    free = ~stopped
+    after = np.zeros_like(velocities)
+    coupled = mass[np.ix_(free, stopped)] @ velocities[stopped]
+    after[free] = velocities[free] + np.linalg.solve(mass[np.ix_(free, free)], coupled)
+    return after

@@ -89,3 +89,26 @@ def test_heat_and_pain_have_priority_over_the_hand():
     assert first["heat"].max() - HEAT_LIMIT < 0.5 * (hand["heat"].max() - HEAT_LIMIT)
     pain = run(Case("pain", "small", 0), duration=3.0)
     assert 2 < pain.pain_force < 10
+
+
+@pytest.mark.slow
+def test_planar_arm_feels_again_after_what_it_did_not_know():
+    """A press is felt after a frame of NaN. If the readings of the link then stop, its mean decreases."""
+    from planar_arm import FORCE_COUNTS, FULL_SCALE, MAX_FORCE, OFFSET, Controller, PlanarArm
+
+    arm = PlanarArm(0)
+    controller, cells, felt = Controller(arm.body, "runtime"), arm.body.skins["link3"].channels[:6], []
+    for cycle in range(150):
+        time, q, qd, readings = arm.senses()
+        force = readings["link3"]["force"]
+        if cycle == 5:
+            force[:] = np.nan
+        if cycle >= 10:
+            force[cells] = OFFSET + 20 * FORCE_COUNTS / FULL_SCALE  # 20 N each
+        if cycle >= 80:
+            del readings["link3"]
+        torques = controller(time, q, qd, readings)
+        assert np.isfinite(torques).all()
+        felt.append(controller.contact)
+        arm.step(torques)
+    assert felt[60] > MAX_FORCE and felt[-1] == 0

@@ -138,6 +138,7 @@ def test_zmp_counts_height_and_shear():
         by_points = (points[:, :2] * forces[:, 2:] - (points[:, 2:] - height) * forces[:, :2]).sum(axis=0)
         assert_allclose((x, y), by_points / forces[:, 2].sum(), atol=1e-12)
     assert zero_moment_point(np.zeros(6)) is None and zero_moment_point(np.array([0, 0, -1.0, 0, 0, 0])) is None
+    assert zero_moment_point(np.array([0, 0, 1e-320, 1.0, 1.0, 0])) is None  # a force too small for a point
 
 
 @given(forces=loads)

@@ -25,6 +25,13 @@ def test_unknown_value_keeps_a_switch():
         Switch(10, 12, 0.1)
 
 
+def test_unknown_values_neither_restart_nor_pass_the_time():
+    """Pain ends after the time of known small values, however many unknown ones are between them."""
+    switch = Switch(10, 5, 0.5)
+    states = [switch.update(20 if k == 0 else np.nan if k % 2 else 0.0, k / 8) for k in range(10)]
+    assert states == [True] * 8 + [False] * 2  # half of the time is known
+
+
 def stages(policy, samples):
     return [policy.update(*sample) for sample in samples]
 
@@ -48,6 +55,17 @@ def test_slow_robot_at_its_goal_or_far_from_obstacles_does_not_push():
     at_goal, alone = (IntentionalContact(0.02, 10, 0.2) for _ in range(2))
     assert set(stages(at_goal, [(0.1 * k, 0.0, True, 3.0, 0.0) for k in range(20)])) == {Stage.AVOID}
     assert set(stages(alone, [(0.1 * k, 0.0, False, 0.0, 0.0) for k in range(20)])) == {Stage.AVOID}
+
+
+@pytest.mark.parametrize("unknown", [{"speed": np.nan}, {"contact": np.nan}, {"near": np.nan}])
+def test_robot_that_does_not_know_what_it_feels_does_not_push(unknown):
+    """It avoids, however long; it yields as long as it does not know that the contact is weak."""
+    sample = {"speed": 0.0, "is_at_goal": False, "near": 3.0, "contact": 0.0} | unknown
+    policy = IntentionalContact(0.02, 10, 0.2)
+    assert {policy.update(0.1 * k, **sample) for k in range(20)} == {Stage.AVOID}
+    policy.update(2, 0.0, False, 3.0, 12.0)
+    sample = sample | {"contact": np.nan}
+    assert {policy.update(2 + 0.1 * k, **sample) for k in range(1, 20)} == {Stage.YIELD}
 
 
 @pytest.mark.parametrize("before", [Stage.AVOID, Stage.PUSH])

@@ -166,6 +166,8 @@ def test_tasks_without_rows_or_torque():
     assert_allclose(prioritized(full, M), torques[0], atol=1e-12)
     with pytest.raises(ValueError, match="does not fit 7 joints"):
         prioritized([(torques[0][:5], np.eye(5))], M)
+    with pytest.raises(ValueError, match="values that are not finite"):
+        prioritized([(torques[0], np.full((1, JOINTS), np.nan)), (torques[1], np.eye(JOINTS))], M)
 
 
 def test_task_that_yields_is_blocked_along_its_wrenches_only():
@@ -267,6 +269,22 @@ def test_damping_is_the_weight_where_it_decides_the_motion():
         assert np.linalg.norm(resolver.velocities) > 0.1
         speeds.append(np.linalg.norm(J @ resolver.velocities))
     assert speeds[0] < 1e-9 < 0.05 < speeds[1]
+
+
+def test_joint_that_stops_at_a_limit_gives_the_others_no_energy():
+    """Its impulse stops it alone: the momentum of the others is kept, and energy is lost."""
+    rng, M, limits = np.random.default_rng(9), inertia_matrix(5), np.full((JOINTS, 2), (-0.05, 0.05))
+    resolver = TorqueResolver(np.zeros(JOINTS), 1e-6, limits)
+    resolver.velocities = rng.normal(size=JOINTS)
+    stops = 0
+    for _ in range(200):
+        before = resolver.velocities.copy()
+        angles = resolver.step(np.zeros(JOINTS), M, 4e-3)
+        after, at_limit = resolver.velocities, np.abs(angles) == 0.05
+        stops += bool((at_limit & (before != 0) & (after == 0)).any())
+        assert after @ M @ after <= before @ M @ before + 1e-12
+        assert_allclose((M @ after)[~at_limit], (M @ before)[~at_limit], atol=1e-5)
+    assert stops > 1
 
 
 def test_resolver_stops_at_a_limit():
