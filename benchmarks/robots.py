@@ -42,7 +42,7 @@ from skin_calib_addon.proposal.links import Task, propose_task  # noqa: E402
 from skin_calib_addon.proposal.skins import parse_skin  # noqa: E402
 from skin_calib_addon.robot.keep_out import KeepOut  # noqa: E402
 from skin_calib_addon.robot.kinematics import link_poses  # noqa: E402
-from skin_calib_addon.robot.link_mesh import links_with_mesh, load_urdf_mesh, load_urdf_meshes  # noqa: E402
+from skin_calib_addon.robot.link_mesh import links_with_mesh, load_urdf_meshes  # noqa: E402
 from skin_calib_addon.robot.urdf import read_robot  # noqa: E402
 
 PAGE = ROOT / "docs" / "explanation" / "robots.md"
@@ -261,12 +261,13 @@ def of_proposal(urdf, folder, said):
 
 
 def of_taxels(urdf, folder):
-    """Return the rows about all taxels, each compared with the visible faces of its link."""
-    worst = {}  # by row: (value, link)
+    """Return the rows about all taxels, each compared with the visible faces of its link; fixed links hide, too."""
+    robot = read_robot(urdf)
+    keep_out, worst = KeepOut(robot, load_urdf_meshes(urdf, robot)[0]), {}  # by row: (value, link)
     counts, codes, area = Counter(), Counter(), 0.0
     for path in sorted(folder.glob("*.calibration.json")):
         calibration = load_calibration(path)
-        mesh = load_urdf_mesh(urdf, calibration.link)
+        mesh = keep_out.meshes[calibration.link]
         taxels = [patch.taxels for patch in calibration.patches]
         positions, normals = (
             np.concatenate([getattr(t, k) for t in taxels]) for k in ("positions_link", "normals_link")
@@ -283,7 +284,8 @@ def of_taxels(urdf, folder):
             value = float(values[silent | (name == "distance")].max(initial=0))
             worst[name] = max(worst.get(name, (0.0, "")), (value, calibration.link))
         counts["steep"] += int((mean[silent] > STEEP).sum())
-        counts["hidden"] += int((~are_seen(mesh, positions + LIFT * normals, normals)).sum())
+        around = keep_out.with_fixed(calibration.link)
+        counts["hidden"] += int((~are_seen(around, positions + LIFT * normals, normals)).sum())
         counts["inward"] += int((centre > 90).sum())
         counts["overlaps"] += overlaps(calibration)
         counts["taxels"] += len(positions)

@@ -113,6 +113,7 @@ def propose(
         else:
             plans[path] = outcome.fitted
             lines.append((task.link, _numbers(proposal)))
+            lines += [(task.link, f"warning: {words}") for words in proposal.warnings]
     width = max(len(link) for link, _ in lines)
     found = [o.proposal for o in done.values() if o.proposal]
     seen, free, covered, cells = (sum(getattr(p, name) for p in found) for name in ("seen", "free", "covered", "cells"))

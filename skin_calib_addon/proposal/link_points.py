@@ -8,13 +8,10 @@ from scipy.spatial import cKDTree
 
 from ..common.arrays import Array, BoolArray, IntArray
 from ..geometry.mesh.triangle_mesh import TriangleMesh
-from ..geometry.mesh.visibility import MIN_OPENNESS, openness_at, sample_faces, visibility
+from ..geometry.mesh.visibility import MIN_OPEN, MIN_OPENNESS, openness_at, sample_faces, visibility
 
 # [m] distance of the points. Larger: faster; edges of free areas are less exact.
 POINT_DISTANCE = 2.5e-3
-# [1] openness (cosine-weighted fraction of the directions that see a point) above which a place is in the open. Larger:
-# less of slots and hollows gets skin.
-MIN_OPEN = 0.2
 # [m] gap between surfaces: boards protrude a little over a boundary. Larger: less is covered (half: 944, double: 934
 # instead of 943 cm^2 on four links of the G1).
 SURFACE_GAP = 3e-3

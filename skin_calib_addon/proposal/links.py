@@ -15,7 +15,7 @@ from ..geometry.mesh.triangle_mesh import TriangleMesh, load_mesh
 from ..pipeline import calibrate
 from ..plan import Plan
 from ..plan.skins import with_channels
-from ..robot.keep_out import KeepOut
+from ..robot.keep_out import KeepOut, paths_from
 from ..robot.link_mesh import is_urdf, load_urdf_mesh, load_urdf_meshes
 from ..robot.mirrored import Twin, find_twins
 from ..robot.urdf import Robot, read_robot
@@ -111,13 +111,14 @@ def _proposal(task: Task, begin: Callable[[str], None]) -> Proposal:
         return propose_link(task.link, _mesh_of(task), file, task.unit, task.choice, begin=begin)
     begin("robot")
     robot = robot_of(task.file)
+    unsure = _not_covering(robot, task.link)
     twin = (robot.twins if task.twins is None else task.twins).get(task.link)
     if twin is not None:
         former = own_proposal(replace(task, link=twin.link, mesh=None), begin)
         found = propose_twin(former, twin, task.link, _mesh_of(task), file, task.choice, robot.keep_out, begin)
         if found is not None:
-            return found
-    return own_proposal(task, begin)
+            return found.with_warnings(unsure)
+    return own_proposal(task, begin).with_warnings(unsure)
 
 
 def _fitted(task: Task, proposal: Proposal) -> Fitted | None:
@@ -198,6 +199,7 @@ class WholeRobot:
     robot: Robot
     keep_out: KeepOut
     proposals: dict[tuple[str, SkinChoice], Proposal]  # others may be like these links; grows
+    unread: Mapping[str, str]  # links with meshes that could not be read, and why
 
     @cached_property
     def twins(self) -> Mapping[str, Twin]:
@@ -208,13 +210,22 @@ class WholeRobot:
 
 @lru_cache(maxsize=1)
 def robot_of(urdf: Path) -> WholeRobot:
-    """Return what all links have in common. A link without mesh covers nothing.
+    """Return what all links have in common. What is not read covers nothing; proposals next to it say so.
 
     The last robot is kept. If its files can have changed, call ``robot_of.cache_clear()`` first.
     """
     robot = read_robot(urdf)
-    meshes = load_urdf_meshes(urdf, robot)[0]  # problems are reported for the link itself
-    return WholeRobot(robot, KeepOut(robot, meshes), {})
+    meshes, problems = load_urdf_meshes(urdf, robot)
+    return WholeRobot(robot, KeepOut(robot, meshes), {}, problems)
+
+
+def _not_covering(whole: WholeRobot, link: str) -> tuple[str, ...]:
+    """Return a sentence for each link that can cover another one, and whose mesh was not read."""
+    return tuple(
+        f"What {other} covers is not known: {whole.unread[other]} Then propose again."
+        for other, _ in paths_from(whole.robot, link)
+        if other in whole.unread
+    )
 
 
 def own_proposal(task: Task, begin: Callable[[str], None]) -> Proposal:

@@ -46,11 +46,20 @@ class Proposal:
     cells: float = 0.0  # area of the cells of the skins [m^2]
     taxels: int = 0
     fits: Mapping[str, SurfaceFit] = field(default_factory=dict, repr=False)  # of its surfaces, by their names
+    warnings: tuple[str, ...] = ()  # what can be wrong with it; also among the reasons of the plan
 
     @property
     def channels(self) -> int:
         """Return the number of channels; a trimmed sheet has channels without taxels."""
         return 0 if self.plan is None else sum(skin.count or 0 for skin in self.plan.skins)
+
+    def with_warnings(self, warnings: tuple[str, ...]) -> "Proposal":
+        """Return the proposal with warnings."""
+        if self.plan is None or not warnings:
+            return self
+        reasons = (*warnings, *self.reasons)
+        plan = replace(self.plan, extra={"x_proposal": list(reasons)})
+        return replace(self, plan=plan, reasons=reasons, warnings=warnings)
 
 
 def propose_link(

@@ -2,7 +2,8 @@
 
 A ball in front of each point must stay free: it touches the point, and its diameter is the clearance. So faces that
 look away from another link stay free, however near it is. Each other link is a field of distances, through which the
-balls of a link move in steps as long as their distance.
+balls of a link move in steps as long as their distance. Links that are fixed to a link also cover what they hide from
+far away.
 """
 
 from collections.abc import Iterator, Mapping
@@ -15,8 +16,10 @@ from ..common.arrays import Array, BoolArray
 from ..common.errors import UnknownLink
 from ..common.findings import did_you_mean, show
 from ..geometry.mesh.distance_field import DistanceField
-from ..geometry.mesh.triangle_mesh import TriangleMesh
+from ..geometry.mesh.triangle_mesh import TriangleMesh, stacked
+from ..geometry.mesh.visibility import MIN_OPEN, DepthBuffers, point_distance, sample_faces
 from .kinematics import joint_pose
+from .link_mesh import shapes_of
 from .urdf import ONE_AXIS, Joint, Robot
 
 # [m] height above a face that other links leave free: a skin 5 to 7 mm thick, with its cover, and 3 to 5 mm of play.
@@ -35,14 +38,18 @@ Leg = tuple[Joint, bool]  # a joint on the path from one link to another, and wh
 
 
 class KeepOut:
-    """What of each link of a robot others cover; their fields of distances are computed once."""
+    """What of each link of a robot others cover; their fields of distances are computed once.
+
+    Boxes, cylinders and spheres cover their own link, too.
+    """
 
     def __init__(self, robot: Robot, meshes: Mapping[str, TriangleMesh], clearance: float = CLEARANCE):
         self.robot, self.meshes, self.radius = robot, meshes, clearance / 2
-        self.fields: dict[str, DistanceField] = {}
+        self.shapes = shapes_of(robot)
+        self.fields: dict[TriangleMesh, DistanceField] = {}
 
     def __call__(self, link: str, points: Array, normals: Array) -> BoolArray:
-        """Return which points are covered or touched by another link.
+        """Return which points are covered or touched by another link, or hidden by those fixed to their link.
 
         Parameters
         ----------
@@ -66,13 +73,44 @@ class KeepOut:
             raise UnknownLink(f"{self.robot.file} has no link {show(link)}{did_you_mean(link, self.robot.links)}")
         balls = np.asarray(points, float) + self.radius * np.asarray(normals, float)
         covered = np.zeros(len(balls), bool)
-        for other, path in paths_from(self.robot, link):
-            if other in self.meshes:
-                if other not in self.fields:
-                    self.fields[other] = DistanceField(self.meshes[other], CELL_SIDE * self.radius)
-                free = np.flatnonzero(~covered)
-                covered[free] = _Motion(path, self.fields[other], self.radius).is_met(balls[free])
+        for other, path in ((link, ()), *paths_from(self.robot, link)):
+            for parts in (self.shapes,) if other == link else (self.meshes, self.shapes):
+                if other in parts:
+                    free = np.flatnonzero(~covered)
+                    covered[free] = _Motion(path, self._field(parts[other]), self.radius).is_met(balls[free])
+        group = self.with_fixed(link)
+        if group is not None and group is not self.meshes.get(link):
+            distance = point_distance(group)
+            buffers, free = DepthBuffers.of(sample_faces(group, distance)[0], distance), np.flatnonzero(~covered)
+            covered[free] = buffers.openness(np.asarray(points)[free], np.asarray(normals)[free])[0] <= MIN_OPEN
         return covered
+
+    def with_fixed(self, link: str) -> TriangleMesh | None:
+        """Return the mesh and shapes of a link together with those of the links that no joint moves against it.
+
+        Parameters
+        ----------
+        link : str
+            Name of the link.
+
+        Returns
+        -------
+        TriangleMesh or None
+            In the frame of the link [m]; its own mesh if there is nothing else, None without any.
+        """
+        found = []
+        for other, path in ((link, ()), *paths_from(self.robot, link)):
+            if not any(_turn(joint, 1) for joint, _ in path):
+                pose = _pose(path)
+                for mesh in (parts[other] for parts in (self.meshes, self.shapes) if other in parts):
+                    found.append(((mesh.vertices - pose[:3, 3]) @ pose[:3, :3], mesh.faces))
+        own = self.meshes.get(link)
+        return own if len(found) == (own is not None) else TriangleMesh(*stacked(found))
+
+    def _field(self, mesh: TriangleMesh) -> DistanceField:
+        if mesh not in self.fields:
+            self.fields[mesh] = DistanceField(mesh, CELL_SIDE * self.radius)
+        return self.fields[mesh]
 
 
 def keep_out(
@@ -86,8 +124,8 @@ def keep_out(
     """Return which points of a link are covered or touched by another one, somewhere in the joint ranges.
 
     Other links are those with at most two moving joints between. Joints without limits turn fully; prismatic ones
-    without limits stay at zero. Links behind a floating or planar joint do not count. For several links,
-    :class:`KeepOut` is faster.
+    without limits stay at zero. Links behind a floating or planar joint do not count. A point is also covered if the
+    link and those fixed to it hide it from most directions. For several links, :class:`KeepOut` is faster.
 
     Parameters
     ----------
@@ -223,7 +261,7 @@ class _Motion:
         """
         move, (centre, extent) = self.turns[turn], self.balls[turn + 1]
         centre = (centre - self.poses[turn + 1][:3, 3]) @ self.poses[turn + 1][:3, :3]  # in the frame of the turn
-        met, position = np.zeros(len(points), bool), np.full(len(points), move.low)
+        met, position = np.zeros(len(points), bool), np.full(len(points), move.low, float)
         arms, open_ = np.maximum(move.arms(points), 1e-9), np.arange(len(points))
         while len(open_):
             moved = move(points[open_], position[open_])
@@ -238,7 +276,7 @@ class _Motion:
     def _advanced(self, points: Array) -> BoolArray:
         """Return which balls meet the other link during the last turn: each advances by its distance."""
         turn, pose = self.turns[-1], self.poses[-1]
-        met, position = np.zeros(len(points), bool), np.full(len(points), turn.low)
+        met, position = np.zeros(len(points), bool), np.full(len(points), turn.low, float)
         arms, open_ = np.maximum(turn.arms(points), 1e-9), np.arange(len(points))
         while len(open_):
             gap = self.field(turn(points[open_], position[open_]) @ pose[:3, :3].T + pose[:3, 3]) - self.radius
@@ -248,6 +286,15 @@ class _Motion:
             open_ = open_[ahead]
             position[open_] = np.minimum(position[open_] + step, turn.high)
         return met
+
+
+def _pose(path: tuple[Leg, ...]) -> Array:
+    """Return the pose (4, 4) of a link in the frame of the one at the end of a path, with all joints at zero."""
+    pose = np.eye(4)
+    for joint, to_child in path:
+        step = joint_pose(joint)
+        pose = (np.linalg.inv(step) if to_child else step) @ pose
+    return pose
 
 
 def _turn(joint: Joint, sign: int) -> _Turn | None:

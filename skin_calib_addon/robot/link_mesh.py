@@ -18,12 +18,13 @@ from ..geometry.mesh.triangle_mesh import (
     TriangleMesh,
     load_mesh,
     read_mesh,
+    simple_shape,
     stacked,
     weld,
 )
 from ..plan import Plan
 from ..plan.keys import NAME as PLAN_NAME
-from .urdf import MAX_NUMBER, LinkMesh, Robot, read_robot
+from .urdf import MAX_NUMBER, LinkMesh, LinkShape, Robot, read_robot
 
 USES = ("visual", "collision")
 NAME = matcher(PLAN_NAME.schema["pattern"])
@@ -108,6 +109,23 @@ def load_urdf_meshes(urdf: Path, robot: Robot) -> tuple[dict[str, TriangleMesh],
     return meshes, problems
 
 
+def shapes_of(robot: Robot) -> dict[str, TriangleMesh]:
+    """Return the visual boxes, cylinders and spheres of links as meshes, in the frames of these links [m].
+
+    Parameters
+    ----------
+    robot : Robot
+        Content of the URDF.
+    """
+    return {link: TriangleMesh(*stacked([_shape(s) for s in shapes])) for link, shapes in robot.shapes.items()}
+
+
+def _shape(shape: LinkShape) -> tuple[Array, IntArray]:
+    """Return vertices in the link frame [m], and faces, of a box, cylinder or sphere."""
+    vertices, faces = simple_shape(shape.kind, shape.size)
+    return vertices @ rotations(np.array([shape.angles]))[0].T + shape.position, faces
+
+
 def _single_precision(urdf: Path, robot: Robot, link: str) -> TriangleMesh:
     vertices, faces = _triangles(urdf, robot, link, "visual")
     mesh = weld(vertices.astype(np.float32), faces)
@@ -172,7 +190,7 @@ def meshes_of(robot: Robot, link: str, use: str) -> tuple[LinkMesh, ...]:
     meshes = tuple(mesh for mesh in robot.links[link] if mesh.use == use)
     if not meshes:
         others = [f"Use its {other} mesh." for other in USES if any(m.use == other for m in robot.links[link])]
-        advice = (*others, "Boxes and cylinders are not supported.")[0]
+        advice = (*others, "Boxes, cylinders and spheres carry no skin.")[0]
         raise InvalidMesh(f"{robot.file} has no {use} mesh for {link}. {advice}")
     return meshes
 

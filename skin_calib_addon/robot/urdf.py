@@ -1,7 +1,7 @@
 """Read the links, meshes and joints of a URDF, and compare plans with them."""
 
 import math
-from collections.abc import Container
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path, PurePosixPath
@@ -18,6 +18,7 @@ MAX_NODES_PER_LINK = 100_000  # XML elements. Larger: more memory for a maliciou
 # [m, 1] largest number of an origin or a scale. Larger: lengths lose digits, and meet fewer of the limits of programs
 MAX_NUMBER = 1e6
 ONE_AXIS = ("revolute", "continuous", "prismatic")  # Format: types of joints that move by one number
+SHAPES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}  # Format: and their attributes
 JOINT_TYPES = (*ONE_AXIS, "fixed", "floating", "planar")  # Format
 
 Triple = tuple[float, float, float]
@@ -34,6 +35,16 @@ class LinkMesh:
     address: str  # path or URL in the URDF
     position: tuple[float, ...]  # of its frame in the link frame [m]
     angles: tuple[float, ...]  # roll, pitch, yaw about the axes of the link [rad]
+
+
+@dataclass(frozen=True)
+class LinkShape:
+    """A visual box, cylinder or sphere of a link: it carries no skin, but covers that of others."""
+
+    kind: str  # one of SHAPES
+    size: tuple[float, ...]  # the numbers of its attributes [m]
+    position: Triple  # of its frame in the link frame [m]
+    angles: Triple  # roll, pitch, yaw about the axes of the link [rad]
 
 
 @dataclass(frozen=True)
@@ -61,6 +72,7 @@ class Robot:
     links: dict[str, tuple[LinkMesh, ...]]
     name: str = ""
     joints: dict[str, Joint] = field(default_factory=dict)  # by name
+    shapes: dict[str, tuple[LinkShape, ...]] = field(default_factory=dict)  # of the links that have some
 
     @cached_property
     def parents(self) -> dict[str, str]:
@@ -101,6 +113,7 @@ def _parsed(text: str, path: Path) -> Robot:
     name = ""
     xacro = f"It is a xacro file. Convert it first: xacro {path.name} > robot.urdf" if "<xacro:" in text else ""
     links: dict[str, tuple[LinkMesh, ...]] = {}
+    shapes: dict[str, tuple[LinkShape, ...]] = {}
     joints: dict[str, Joint] = {}
     lines: dict[str, int] = {}  # of the joints
     try:
@@ -113,7 +126,7 @@ def _parsed(text: str, path: Path) -> Robot:
                         "duplicate", node.line, f"repeats the {node.tag} {show(own)}; each needs its own name"
                     )
             if node.tag == "link":
-                links[own] = tuple(_meshes(node))
+                links[own], shapes[own] = tuple(_meshes(node)), tuple(_shapes(node))
             elif node.tag == "joint":
                 joints[own], lines[own] = _joint(node), node.line
         _check_tree(links, joints, lines)
@@ -122,7 +135,7 @@ def _parsed(text: str, path: Path) -> Robot:
         raise CalibrationFormatError(message, (problem.finding,)) from problem
     if not links:
         raise CalibrationFormatError(f"'{path}' has no link. {xacro or 'Check that it is the correct file.'}")
-    return Robot(path.name, links, name, joints)
+    return Robot(path.name, links, name, joints, {link: found for link, found in shapes.items() if found})
 
 
 def compare(robot: Robot, plan: Plan) -> tuple[Warning, ...]:
@@ -169,20 +182,38 @@ def compare(robot: Robot, plan: Plan) -> tuple[Warning, ...]:
 
 
 def _meshes(link: Node) -> list[LinkMesh]:
-    """Return the visual and collision meshes of a link; other shapes are left out."""
+    """Return the visual and collision meshes of a link."""
     found = []
-    for part in link.children:
-        shapes = [s for g in part.children if g.tag == "geometry" for s in g.children if s.tag == "mesh"]
-        if part.tag not in ("visual", "collision") or not shapes:
-            continue
-        origins = [node for node in part.children if node.tag == "origin"]
-        origin = origins[0] if origins else Node("origin", {}, part.line)
-        position, angles = (_numbers(origin, name, "0 0 0") for name in ("xyz", "rpy"))
-        for shape in shapes:
-            address = shape.attribute("filename").replace("\\", "/")
-            scale, moved = _numbers(shape, "scale", "1 1 1"), any(position + angles)
-            found.append(LinkMesh(address.rpartition("/")[2], scale, moved, part.tag, address, position, angles))
+    for part, shape in _geometries(link, ("visual", "collision"), ("mesh",)):
+        position, angles = (_numbers(_origin(part), name, "0 0 0") for name in ("xyz", "rpy"))
+        address = shape.attribute("filename").replace("\\", "/")
+        scale, moved = _numbers(shape, "scale", "1 1 1"), any(position + angles)
+        found.append(LinkMesh(address.rpartition("/")[2], scale, moved, part.tag, address, position, angles))
     return found
+
+
+def _shapes(link: Node) -> list[LinkShape]:
+    """Return the visual shapes of a link that are not meshes."""
+    found = []
+    for part, shape in _geometries(link, ("visual",), SHAPES):
+        size = tuple(number for name in SHAPES[shape.tag] for number in _numbers(shape, name, ""))
+        if len(size) != {"box": 3, "cylinder": 2, "sphere": 1}[shape.tag] or min(size) < 0:
+            raise XmlError("number", shape.line, f"has a {shape.tag} without the sizes that it needs")
+        position, angles = (_triple(_origin(part), name, "0 0 0") for name in ("xyz", "rpy"))
+        if min(size) > 0:  # some files have shapes without size
+            found.append(LinkShape(shape.tag, size, position, angles))
+    return found
+
+
+def _geometries(link: Node, uses: Container[str], kinds: Container[str]) -> Iterator[tuple[Node, Node]]:
+    """Yield the shapes of some kinds that a link has for some uses, each after the part that has its origin."""
+    for part in link.children:
+        if part.tag in uses:
+            yield from ((part, s) for g in part.children if g.tag == "geometry" for s in g.children if s.tag in kinds)
+
+
+def _origin(part: Node) -> Node:
+    return next((node for node in part.children if node.tag == "origin"), Node("origin", {}, part.line))
 
 
 def _joint(node: Node) -> Joint:

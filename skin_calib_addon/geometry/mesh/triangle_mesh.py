@@ -23,6 +23,7 @@ FORMATS = ("stl", "ply", "obj", "off", "dae", "glb")
 METRES_PER_UNIT = {"m": 1.0, "mm": 1e-3}
 # Regular expressions for the number of faces that the header of a file announces.
 FACE_COUNTS = {"ply": rb"\nelement\s+face\s+(\d+)", "off": rb"OFF\s+(?:#[^\n]*\n\s*)*\d+\s+(\d+)"}
+ROUND_SIDES = 64  # faces around a cylinder or sphere: it deviates by 0.1 % of its radius. Larger: slower
 MIN_MESH_SIZE = 2e-3  # [m] least size of the mesh of a link; below, the unit is wrong. Smaller: wrong units pass
 MAX_MESH_SIZE = 5.0  # [m] largest size of the mesh of a link; above, the unit is wrong. Larger: wrong units pass
 
@@ -215,6 +216,30 @@ def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
     mesh = TriangleMesh(raw.vertices * METRES_PER_UNIT[unit], raw.faces)
     check_size(mesh, unit, Path(path).name)
     return mesh
+
+
+def simple_shape(kind: str, size: Sequence[float]) -> tuple[Array, IntArray]:
+    """Return vertices and faces of a box, cylinder or sphere whose centre is the origin.
+
+    Parameters
+    ----------
+    kind : "box", "cylinder" or "sphere"
+        Which shape. The axis of a cylinder is z.
+    size : sequence of float
+        Lengths along x, y and z; radius and length; or radius [m].
+
+    Returns
+    -------
+    vertices, faces : array, shapes (v, 3) and (f, 3)
+        [m]
+    """
+    if kind == "box":
+        mesh = trimesh.creation.box(size)
+    elif kind == "cylinder":
+        mesh = trimesh.creation.cylinder(size[0], size[1], ROUND_SIDES)
+    else:
+        mesh = trimesh.creation.uv_sphere(size[0], count=(ROUND_SIDES // 2, ROUND_SIDES))
+    return np.asarray(mesh.vertices, float), np.asarray(mesh.faces)
 
 
 def read_mesh(path: str | Path) -> TriangleMesh:

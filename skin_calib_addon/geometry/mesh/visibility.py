@@ -35,6 +35,9 @@ MIN_VIEW_COSINE = 0.2
 # [1] openness above which a point is visible. Larger: the bottoms of holes and slots become hidden; smaller: single
 # directions that see through between two points decide.
 MIN_OPENNESS = 0.02
+# [1] openness (cosine-weighted fraction of the directions that see a point) above which a place is in the open. Larger:
+# less of slots and hollows gets skin.
+MIN_OPEN = 0.2
 # [1] fraction of the area of a visible face that is visible. Larger: more gaps; smaller: more hidden area is kept.
 MIN_SEEN_FRACTION = 0.5
 # [1] openness of the side of the winding, relative to the other side, below which the other one is outside. Larger: the

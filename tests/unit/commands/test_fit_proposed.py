@@ -85,3 +85,13 @@ def test_edited_plan_has_no_calibration_yet(urdf, tmp_path):
     assert fitted.calibration_of(numbered(follow, 7)).patches[0].taxels.channels[0] == 7
     surface = replace(plan.surfaces[0], max_deviation=1e-3)
     assert fitted.calibration_of(replace(plan, surfaces=(surface, *plan.surfaces[1:]))) is None
+
+
+def test_link_next_to_one_that_cannot_be_read_says_so(urdf, capsys):
+    """Its skin can lie under the other one: the output and the plan state it; the rest is done."""
+    (urdf.parent / "two.ply").unlink()
+    assert main(["propose", str(urdf), "-o", str(urdf.parent / "out"), "--skin", SKIN, "--jobs", "1"]) == 1
+    words = "What two covers is not known: the mesh file two.ply of robot.urdf was not found."
+    assert f"one  warning: {words}" in capsys.readouterr().out
+    reasons = load_plan(urdf.parent / "out" / "one.plan.json").extra["x_proposal"]
+    assert reasons[0].startswith(words) and reasons[0].endswith("Then propose again.")

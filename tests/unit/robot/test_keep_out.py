@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from skin_calib_addon.common.errors import UnknownLink
+from skin_calib_addon.common.errors import CalibrationFormatError, UnknownLink
 from skin_calib_addon.geometry.mesh.visibility import sample_faces, visibility
 from skin_calib_addon.robot.keep_out import CLEARANCE, KeepOut, keep_out, paths_from
 from skin_calib_addon.robot.kinematics import link_poses
@@ -54,14 +54,16 @@ BASE = box((-0.15, -0.15, -0.02), (0.15, 0.15, 0.0))
 
 @pytest.mark.parametrize("joint", ["fixed", "prismatic"])  # without limits, the latter stays at zero
 def test_a_fixed_plate_above_covers_what_is_under_it(joint):
-    """At a height of 8 mm: with a clearance of 10 mm, not with 6 mm; the lower face stays free."""
+    """At a height of 8 mm: with a clearance of 10 mm; with 6 mm only what it hides. The lower face stays free."""
     low, high = np.array((-0.03, -0.02, 0.0)), np.array((0.03, 0.02, 0.005))
     fixed = robot(Joint("j", joint, "base", "plate", (0.02, 0.01, 0.008)))
     meshes = {"base": BASE, "plate": box(low, high)}
     points, normals = floor(-0.08, 0.08, 41)
     gaps = box_distance(points + 0.005 * UP - (0.02, 0.01, 0.008), low, high) - 0.005
     agrees(keep_out(fixed, meshes, "base", points, normals), gaps)
-    assert not keep_out(fixed, meshes, "base", points, normals, clearance=0.006).any()
+    hidden = keep_out(fixed, meshes, "base", points, normals, clearance=0.006)
+    inside = gaps + 0.005 < 0.0031  # under the plate
+    assert hidden[inside].any() and not hidden[~inside].any() and not hidden[inside].all()
     assert not keep_out(fixed, meshes, "base", points - 0.02 * UP, -normals).any()
 
 
@@ -105,6 +107,21 @@ def test_what_is_inside_of_a_closed_link_is_covered():
     points = np.array([(0, 0, 0.0), (0.0, 0.0, 0.0449), (0, 0, 0.2)])
     found = keep_out(fixed, {"hollow": hollow}, "base", points, np.tile(UP, (3, 1)))
     np.testing.assert_array_equal(found, (True, True, False))
+
+
+@pytest.mark.parametrize("joint, count", [("fixed", 1), ("revolute", 0)])
+def test_a_fixed_shell_hides_what_is_below_it_at_any_distance(joint, count):
+    """A bowl over the face, 40 mm above it; one that turns away leaves the face free somewhere."""
+    rng = np.random.default_rng(0)
+    low, high, turn = np.array((-0.2, -0.2, -0.01)), np.array((0.2, 0.2, 0.0)), tuple(rng.uniform(-1, 1, 3))
+    fixed = robot(Joint("j", joint, "cover", "base", (0.1, 0.2, -0.3), turn, limits=(0, 0.001)))
+    to_cover = link_poses(fixed)["base"]
+    bowl = trimesh.creation.icosphere(4, 0.2)
+    bowl = bowl.submesh([bowl.triangles_center[:, 2] > -0.16], append=True).apply_translation((0, 0, 0.2))
+    meshes = {"base": box(low, high), "cover": welded(bowl.apply_transform(to_cover))}
+    points, normals = floor(-0.05, 0.05, 5)
+    assert keep_out(fixed, meshes, "base", points, normals).all() == count
+    assert not keep_out(fixed, meshes, "base", points - 0.01 * UP, -normals).any()
 
 
 SHAPES = {"a": ((-0.03, -0.02, -0.05), (0.03, 0.02, 0.0)), "b": ((-0.01,) * 3, (0.02, 0.015, 0.01))}
@@ -188,3 +205,36 @@ def test_travel_without_sense_is_no_longer_than_the_robot_needs(limit):
     half = 0.03 * np.sin(angle) + 0.02 * np.cos(angle)
     gaps = np.hypot(0.003, np.maximum(np.abs(points[:, 1]) - half, 0)) - 0.005
     agrees(keep_out(slides, {"plate": box(low, high)}, "base", points, normals), gaps)
+
+
+def test_boxes_and_cylinders_cover_as_meshes_do(tmp_path):
+    """A box on the link itself, and a cylinder below it that is fixed; the faces under both are not free."""
+    visual = '<visual><origin xyz="{0}" rpy="{1}"/><geometry>{2}</geometry></visual>'
+    mesh = '<mesh filename="base.ply"/>'
+    on_top = visual.format("0.05 0 0.01", "0 0 0.3", '<box size="0.06 0.04 0.02"/>')
+    below = visual.format("0 0 0", "0 1.5707963 0", '<cylinder radius="0.02" length="0.1"/>')
+    (tmp_path / "bot.urdf").write_text(
+        f'<robot name="bot"><link name="base">{visual.format("0 0 0", "0 0 0", mesh)}{on_top}</link><link name="lid">'
+        f'{below}</link><joint name="j" type="fixed"><origin xyz="0 0 -0.041"/><parent link="base"/><child link="lid"/>'
+        "</joint></robot>"
+    )
+    covers = KeepOut(read_robot(tmp_path / "bot.urdf"), {"base": BASE})
+    top, up = floor(-0.12, 0.12, 49)
+    turn = np.array(((np.cos(0.3), np.sin(0.3)), (-np.sin(0.3), np.cos(0.3))))
+    in_box = (np.abs((top[:, :2] - (0.05, 0)) @ turn.T) < (0.028, 0.018)).all(axis=1)
+    found = covers("base", top, up)
+    assert in_box.sum() > 30 and found[in_box].all() and not found[np.linalg.norm(top[:, :2], axis=1) > 0.1].any()
+    bottom = top - 0.02 * UP
+    found = covers("base", bottom, -up)
+    near = (np.abs(bottom[:, 0]) < 0.045) & (np.abs(bottom[:, 1]) < 0.003)
+    assert near.sum() > 10 and found[near].all() and not found[np.abs(bottom[:, 1]) > 0.08].any()
+    assert covers.with_fixed("base").size > BASE.size
+
+
+@pytest.mark.parametrize("shape", ['<box size="1 1"/>', '<sphere radius="-1"/>', '<cylinder radius="1"/>'])
+def test_shape_without_its_sizes_is_refused(tmp_path, shape):
+    """With the line of the file."""
+    text = f'<robot name="bot"><link name="a">\n<visual><geometry>{shape}</geometry></visual></link></robot>'
+    (tmp_path / "bot.urdf").write_text(text)
+    with pytest.raises(CalibrationFormatError, match="line 2 has a (box|sphere|cylinder) without the sizes"):
+        read_robot(tmp_path / "bot.urdf")

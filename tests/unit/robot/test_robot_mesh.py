@@ -118,7 +118,12 @@ def test_package_near_the_urdf_has_priority_over_ros(package, tmp_path, monkeypa
 
 BAD = {
     "no link": ((), "leg", UnknownLink, 'bot.urdf has no link "leg"'),
-    "no mesh": ((), "arm", InvalidMesh, "bot.urdf has no visual mesh for arm. Boxes and cylinders are not supported"),
+    "no mesh": (
+        (),
+        "arm",
+        InvalidMesh,
+        "bot.urdf has no visual mesh for arm. Boxes, cylinders and spheres carry no skin",
+    ),
     "other use": (
         (shape("p.stl", "collision"),),
         "arm",
