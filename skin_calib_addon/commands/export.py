@@ -2,14 +2,15 @@
 
 import argparse
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from ..calibration.exchange import FORMATS, WRITABLE, only_patches
 from ..calibration.file import load_calibration
 from ..calibration.robot_set import FILE, calibrations_of, is_robot, load_robot_set, robot_file
-from ..common.atomic_file import write_bytes_safely
+from ..common.atomic_file import check_writable, write_bytes_safely
 from ..common.errors import OutputError, SkinCalibError
-from ..robot.mjcf import robot_mjcf
+from ..robot.mjcf import MARK, robot_mjcf
 from ..robot.urdf import read_robot
 from .common import DONE, WRONG_DATA, check_target, complain, listed, say
 
@@ -34,6 +35,7 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> int:
     check_target(options.output, options.file)
+    check_writable(options.output)
     if is_robot(options.file):
         return _export_robot(options)
     calibration, format = load_calibration(options.file), FORMATS[options.to]
@@ -57,9 +59,12 @@ def _export_robot(options: argparse.Namespace) -> int:
     problems = [f"{FILE}: {finding}" for finding in findings if finding.severity == "error"]
     urdf = folder / robot.urdf.file
     mesh_folder = options.output.with_name(f"{options.output.stem}_meshes")
-    check_target(options.output, urdf)
     content = read_robot(urdf)
     model = robot_mjcf(content, urdf, calibrations, mesh_folder.name)
+    inputs = [robot_file(options.file), urdf, *(folder / link.calibration for link in robot.links), *model.sources]
+    check_target(options.output, *inputs)
+    for name in model.meshes:
+        _check_mesh_file(mesh_folder / name, inputs)
     for line in (*problems, *model.problems):
         complain(line)
     try:
@@ -82,3 +87,23 @@ def _export_robot(options: argparse.Namespace) -> int:
     if model.balanced:
         say(f"no rigid body has the inertia that the URDF states; MuJoCo changed it: {', '.join(model.balanced)}")
     return WRONG_DATA if problems or model.problems else DONE
+
+
+def _check_mesh_file(target: Path, inputs: Iterable[Path]) -> None:
+    """Check that a mesh of the model replaces no mesh of the robot, and no file that another program wrote.
+
+    Parameters
+    ----------
+    target : Path
+        File to write.
+    inputs : iterable of Path
+        Files of the robot.
+    """
+    if not os.path.exists(target):
+        return
+    check_target(target, *inputs)
+    check_writable(target)
+    with open(target, "rb") as file:
+        is_ours = file.read(len(MARK)) == MARK
+    if not is_ours:
+        raise OutputError(f"{target} exists, and is not of an earlier export. Choose another name for the model.")

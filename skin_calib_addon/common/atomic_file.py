@@ -52,6 +52,12 @@ def write_bytes_safely(path: str | os.PathLike[str], data: bytes) -> None:
         raise OutputError(f"cannot write '{path}': {reason}. Choose another folder, or free disk space.") from problem
 
 
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Raise OutputError if a file cannot be replaced: a folder, a device, or a file that is write-protected."""
+    with suppress(OSError, ValueError):  # writing it states what is wrong
+        _mode(Path(os.path.realpath(path)))
+
+
 def _remove_remains(folder: Path) -> None:
     """Remove the temporary files of programs that were killed while they wrote."""
     with suppress(OSError):

@@ -20,6 +20,7 @@ from .link_mesh import check_triple, find_file, scaled
 from .urdf import Robot
 
 MAX_STL_FACES = 200_000  # Format: MuJoCo accepts no more in an STL file
+MARK = b"# skin-calib"  # first bytes of each mesh that this program writes: such a file can be replaced
 # Height of taxels above a collision shape of their link below which it is switched off [m]. Larger: shapes farther
 # below the skin are switched off, too. Smaller: the shape takes a part of the force of a press.
 MIN_PROTRUSION = 1e-3
@@ -46,7 +47,8 @@ class RobotModel:
     """A model of MuJoCo with its meshes."""
 
     text: bytes  # of the MJCF file
-    meshes: dict[str, bytes]  # files by name: STL, or OBJ for large meshes
+    meshes: dict[str, bytes]  # files by name: STL, or OBJ for large meshes; each begins with MARK
+    sources: tuple[Path, ...]  # mesh files of the robot
     problems: tuple[str, ...]  # meshes and skins that the model does not have, a line each
     uncovered: tuple[str, ...]  # bodies with a collision shape that is switched off, because it would hide a skin
     covered: tuple[str, ...]  # taxels below collision shapes of other links, a line for each pair of links
@@ -88,7 +90,7 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
         raise SkinCalibError(
             "a model of the robot needs MuJoCo, which is not installed here: pip install 'skin-calib[robots]'"
         ) from error
-    description, meshes, problems, impossible = _with_own_meshes(urdf, mujoco)
+    description, meshes, sources, problems, impossible = _with_own_meshes(urdf, mujoco)
     skins = {
         link: write_mjcf(calibration).decode() for link, calibration in calibrations.items() if link in robot.links
     }
@@ -108,7 +110,7 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
         mujoco.MjModel.from_xml_string(text, files)
     except (ValueError, mujoco.FatalError) as error:
         raise SkinCalibError(f"MuJoCo does not accept {urdf.name}: {' '.join(str(error).split())}") from error
-    return RobotModel(text.encode(), meshes, tuple(problems), uncovered, covered, impossible)
+    return RobotModel(text.encode(), meshes, sources, tuple(problems), uncovered, covered, impossible)
 
 
 def _with_possible_inertias(root: ET.Element) -> tuple[str, ...]:
@@ -201,8 +203,12 @@ def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[tuple[str, ...],
     return tuple(dict.fromkeys(model.body(model.geom_bodyid[geom]).name for geom in sorted(hiding))), covered
 
 
-def _with_own_meshes(urdf: Path, mujoco: Any) -> tuple[str, dict[str, bytes], list[str], tuple[str, ...]]:
-    """Return the text of a robot that names files of one folder, these files, what is left out, impossible inertias.
+def _with_own_meshes(
+    urdf: Path, mujoco: Any
+) -> tuple[str, dict[str, bytes], tuple[Path, ...], list[str], tuple[str, ...]]:
+    """Return the text of a robot that names files of one folder, these files and their sources, and what is wrong.
+
+    What is wrong are the meshes that are left out, and the links with impossible inertias.
 
     Scales are applied to the meshes, so that MuJoCo need not distinguish two scales of one file.
 
@@ -242,7 +248,8 @@ def _with_own_meshes(urdf: Path, mujoco: Any) -> tuple[str, dict[str, bytes], li
                 link.remove(shape)
     impossible = _with_possible_inertias(root)
     ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", COMPILER)
-    return ET.tostring(root, encoding="unicode"), dict(made.values()), problems, impossible
+    sources = tuple(dict.fromkeys(path for path, _ in made))
+    return ET.tostring(root, encoding="unicode"), dict(made.values()), sources, problems, impossible
 
 
 def _check_mesh(name: str, data: bytes, collides: bool, mujoco: Any) -> None:
@@ -285,7 +292,7 @@ def _mesh_bytes(mesh: TriangleMesh) -> bytes:
     """Return a binary STL file, or an OBJ file for a mesh that is too large for MuJoCo's reader of STL."""
     if len(mesh.faces) > MAX_STL_FACES:
         points = (f"v {x!r} {y!r} {z!r}\n" for x, y, z in mesh.vertices.tolist())
-        return "".join((*points, *(f"f {a} {b} {c}\n" for a, b, c in (mesh.faces + 1).tolist()))).encode()
+        return MARK + "".join(("\n", *points, *(f"f {a} {b} {c}\n" for a, b, c in (mesh.faces + 1).tolist()))).encode()
     faces = np.zeros(len(mesh.faces), np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")]))
     faces["normal"], faces["corners"] = mesh.face_normals, mesh.triangles
-    return b"\0" * 80 + np.array(len(faces), "<u4").tobytes() + faces.tobytes()
+    return MARK.ljust(80, b"\0") + np.array(len(faces), "<u4").tobytes() + faces.tobytes()

@@ -150,6 +150,53 @@ def test_large_mesh_is_an_obj_file(robot, capsys, monkeypatch):
     assert right == pressed
 
 
+def contents(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_meshes_of_an_earlier_export_are_replaced(robot, capsys):
+    """Also if the robot has other meshes now."""
+    assert export(robot, capsys)[0] == 0
+    before = contents(robot / "skin_meshes")
+    save_mesh(box((0, 0, 0), (0.05, 0.03, 0.02)), robot / "bot" / "meshes" / "base.ply")
+    assert export(robot, capsys)[0] == 0
+    after = contents(robot / "skin_meshes")
+    assert after.keys() == before.keys() and {path.stem for path in after if after[path] != before[path]} == {
+        *("base", "base_2")
+    }
+
+
+def test_no_mesh_of_the_robot_is_replaced(robot, capsys):
+    """Neither meshes that another program wrote, nor those of an earlier export that a URDF names."""
+    bot = robot / "bot"
+    (bot / "meshes").rename(robot / "skin_meshes")
+    urdf = bot / "bot.urdf"
+    urdf.write_text(urdf.read_text().replace("package://bot/", "").replace("meshes/", "../skin_meshes/"))
+    before = contents(robot)
+    code, out, err = export(robot, capsys)
+    assert code == 2 and out == "" and len(err) == 1 and contents(robot) == before
+    assert f"{robot / 'skin_meshes' / 'tube.stl'} would replace " in err[0]
+
+
+def test_files_of_others_in_the_folder_of_the_meshes_stay(robot, capsys):
+    (robot / "skin_meshes").mkdir()
+    (robot / "skin_meshes" / "hand.stl").write_text("solid mine")
+    before = contents(robot)
+    code, out, err = export(robot, capsys)
+    assert code == 2 and out == "" and len(err) == 1 and contents(robot) == before
+    assert "hand.stl exists, and is not of an earlier export. Choose another name for the model." in err[0]
+
+
+@pytest.mark.parametrize("target", ["folder", "out/robot.json", "out/arm.calibration.json", "bot/bot.urdf"])
+def test_nothing_is_written_if_the_model_cannot_be(robot, capsys, target):
+    """The name is that of a folder, or of a file that the export reads."""
+    (robot / "folder").mkdir()
+    before = set(robot.rglob("*")), contents(robot)
+    capsys.readouterr()
+    assert main(["export", str(robot / "out"), "--to", "mjcf", "-o", str(robot / target)]) == 2
+    assert (set(robot.rglob("*")), contents(robot)) == before and len(capsys.readouterr().err.splitlines()) == 1
+
+
 def test_broken_link_is_one_line(robot, capsys):
     """A missing mesh and a changed calibration: the rest of the robot is exported; code 1."""
     (robot / "bot" / "meshes" / "base.ply").unlink()
