@@ -135,7 +135,7 @@ def calibrations_of(robot: RobotSet, folder: Path) -> tuple[dict[str, LinkCalibr
     calibrations : dict of str to LinkCalibration
     findings : tuple of Finding
         Errors: a file that is missing, has changed or is invalid, another link, a channel that is used twice on a bus.
-        Warnings: an id that is used twice.
+        Warnings: a channel that is used twice without a bus, an id that is used twice.
     """
     calibrations: dict[str, LinkCalibration] = {}
     findings = []
@@ -167,6 +167,8 @@ def calibrations_of(robot: RobotSet, folder: Path) -> tuple[dict[str, LinkCalibr
 def _used_twice(robot: RobotSet, calibrations: dict[str, LinkCalibration]) -> Iterator[Finding]:
     """Yield an error for each link with channels of an earlier link on its bus, and a warning for its ids.
 
+    Without a bus, channels are a warning, too: each link has its own readings, or they are of two proposals.
+
     Parameters
     ----------
     robot : RobotSet
@@ -180,12 +182,16 @@ def _used_twice(robot: RobotSet, calibrations: dict[str, LinkCalibration]) -> It
         if link.link not in calibrations:
             continue
         taxels = [patch.taxels for patch in calibrations[link.link].patches]
-        own_channels = {(link.bus, int(channel)) for t in taxels for channel in t.channels} if link.bus else set()
+        own_channels = {(link.bus, int(channel)) for t in taxels for channel in t.channels}
         own_ids = {name for t in taxels for name in t.ids}
         if both := sorted(own_channels & channels.keys()):
-            other, (bus, channel) = show(channels[both[0]]), both[0]
-            message = f"({show(link.link)}) has channel {channel} of bus {bus}, as {other} has; {len(both)} in all"
-            yield error("duplicate-channel", child("", "links", k), message)
+            other, bus = show(channels[both[0]]), f" of bus {link.bus}" if link.bus else ""
+            message = f"({show(link.link)}) has channel {both[0][1]}{bus}, as {other} has; {len(both)} in all"
+            if link.bus:
+                yield error("duplicate-channel", child("", "links", k), message)
+            else:
+                advice = "name their buses if each has its own readings"
+                yield warning("duplicate-channel", child("", "links", k), f"{message}; {advice}")
         if again := sorted(own_ids & ids.keys()):
             other = show(ids[again[0]])
             message = f"({show(link.link)}) has a taxel {show(again[0])}, as {other} has; {len(again)} in all"

@@ -1,6 +1,7 @@
 """``propose``: a plan for each link of a robot, or for one mesh."""
 
 import argparse
+import itertools
 import os
 from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
@@ -83,15 +84,16 @@ def propose(
     except OSError as problem:
         raise OutputError(f"the folder {folder} cannot be created: {problem}. Choose another one.") from problem
     kept = {task.link for task in tasks if not again and os.path.lexists(plan_path(folder, task.link))}
-    written = {plan_path(folder, task.link) for task in tasks if task.link not in kept}
-    ends = {path: _channel_after(path) for path in sorted(folder.glob("*.plan.json")) if path not in written}
     done: dict[str, Outcome] = {}
     try:
         for outcome in _outcomes([task for task in tasks if task.link not in kept], options.jobs):
             done[outcome.task.link] = outcome
     finally:  # also after Ctrl+C: the next call continues
-        first = max(filter(None, ends.values()), default=0)
-        _save([done[task.link].proposal for task in tasks if task.link in done], folder, first)
+        found = [p for task in tasks if task.link in done and (p := done[task.link].proposal)]
+        former = {p.link: _set_aside(plan_path(folder, p.link)) for p in found if p.plan is None}
+        written = {plan_path(folder, p.link) for p in found}
+        ends = {path: _channel_after(path) for path in sorted(folder.glob("*.plan.json")) if path not in written}
+        _save(found, folder, max(filter(None, ends.values()), default=0))
     plans: dict[Path, Fitted | None] = {}
     code = DONE
     lines: list[tuple[str, str]] = []
@@ -109,13 +111,14 @@ def propose(
             code = WRONG_DATA
             lines.append((task.link, "failed"))
         elif proposal.plan is None:
-            lines.append((task.link, f"no plan: {proposal.reasons[-1]}"))
+            names = former[task.link]
+            words = f" Its earlier files have other names now: {', '.join(names)}." if names else ""
+            lines.append((task.link, f"no plan: {proposal.reasons[-1]}{words}"))
         else:
             plans[path] = outcome.fitted
             lines.append((task.link, _numbers(proposal)))
             lines += [(task.link, f"warning: {words}") for words in proposal.warnings]
     width = max(len(link) for link, _ in lines)
-    found = [o.proposal for o in done.values() if o.proposal]
     seen, free, covered, cells = (sum(getattr(p, name) for p in found) for name in ("seen", "free", "covered", "cells"))
     total = f"{counted(len(tasks), 'link')}, {counted(len(plans), 'plan')}"
     if free:
@@ -125,12 +128,27 @@ def propose(
     return plans, code
 
 
-def _save(proposals: Sequence[Proposal | None], folder: Path, channel: int) -> None:
+def _set_aside(plan: Path) -> list[str]:
+    """Rename the plan of a link, and the calibration next to it, so that they are not of the robot; return their names.
+
+    They are not removed: a person may have edited the plan, or measured the response of the calibration.
+    """
+    names = []
+    for path in (plan, plan.with_name(f"{plan.name.removesuffix('.plan.json')}.calibration.json")):
+        if os.path.lexists(path):
+            others = (path.with_name(f"{path.name}.old{k or ''}") for k in itertools.count())
+            other = next(other for other in others if not os.path.lexists(other))
+            os.rename(path, other)
+            names.append(other.name)
+    return names
+
+
+def _save(proposals: Sequence[Proposal], folder: Path, channel: int) -> None:
     """Write the plans of proposals, whose channels start at a number and follow each other.
 
     Parameters
     ----------
-    proposals : sequence of Proposal or None
+    proposals : sequence of Proposal
         In the order of their channels; those without a plan are left out.
     folder : Path
         For the plans.
@@ -138,7 +156,7 @@ def _save(proposals: Sequence[Proposal | None], folder: Path, channel: int) -> N
         Of the first taxel.
     """
     for proposal in proposals:
-        if proposal and proposal.plan:
+        if proposal.plan:
             save_plan(named_from(numbered(proposal.plan, channel), folder), plan_path(folder, proposal.link))
             channel += proposal.channels
 

@@ -68,10 +68,20 @@ def test_fit_lists_the_links_of_the_robot(robot, capsys):
 
 
 def test_check_is_silent_about_a_good_set(robot, capsys):
+    edit(robot, bus=["can0", "can1"])
     code, lines = check(robot, capsys)
     assert code == 0 and [line for line in lines if "duplicate-id" not in line] == [
         f"{robot / 'out' / 'robot.json'}: 0 errors, 1 warnings"
     ]
+
+
+def test_check_warns_of_channels_that_two_links_without_a_bus_use(robot, capsys):
+    """Each may have its own readings."""
+    code, lines = check(robot, capsys)
+    taxels = len(load(robot / "out" / "arm.calibration.json").ids)
+    words = f'("hand") has channel 0, as "arm" has; {taxels} in all; name their buses if each has its own readings'
+    assert code == 0 and f"warning: /links/1 {words} [duplicate-channel]" in lines
+    assert set(Body.load(robot / "out").skins) == set(LINKS)
 
 
 @pytest.mark.parametrize(

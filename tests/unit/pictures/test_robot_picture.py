@@ -72,7 +72,7 @@ def show(robot, capsys, *words):
     capsys.readouterr()
     code = main(["show", str(robot / "out"), *map(str, words)])
     out, err = capsys.readouterr()
-    return code, out, [line for line in err.splitlines() if "duplicate-id" not in line]
+    return code, out, [line for line in err.splitlines() if "[duplicate-" not in line]
 
 
 def test_command_draws_the_robot(robot, capsys):

@@ -26,9 +26,15 @@ LINKS = ("one", "two", "three")
 
 @pytest.fixture
 def propose_links(tmp_path, monkeypatch):
-    """A robot of three links; each gets a sheet of which all cells but one are cut off, and two boards."""
+    """A robot of three links; each gets a sheet of which all cells but one are cut off, and two boards.
+
+    A link can be refused: no skin fits on it (True), or its proposal fails (False).
+    """
+    refused: dict[str, bool] = {}
 
     def stub(task):
+        if task.link in refused:
+            return Outcome(task, Proposal(task.link, None, ("No skin.",)) if refused[task.link] else None, "Broken.")
         plan = Plan(task.link, task.file.absolute(), "m", (SURFACE,), (SHEET, BOARDS))
         return Outcome(task, Proposal(task.link, plan, ("",), 1e-2, 1e-2, 1e-2, 1e-2, taxels=3))
 
@@ -39,8 +45,10 @@ def propose_links(tmp_path, monkeypatch):
         '<robot name="r">' + "".join(f'<link name="{link}">{mesh}</link>' for link in LINKS) + "</robot>"
     )
 
-    def call(*words):
-        assert main(["propose", str(tmp_path / "robot.urdf"), "-o", str(tmp_path / "plans"), *words]) == 0
+    def call(*words, code=0, **without):
+        refused.clear()
+        refused.update(without)
+        assert main(["propose", str(tmp_path / "robot.urdf"), "-o", str(tmp_path / "plans"), *words]) == code
         return tmp_path / "plans"
 
     return call
@@ -73,6 +81,31 @@ def test_new_plans_follow_those_that_stay(propose_links, capsys):
     found = channels(propose_links("--again", "--only", "two"))
     assert len(found) == len(set(found)) == 3 * 17
     assert "not known" not in capsys.readouterr().out
+
+
+def test_link_without_skin_keeps_no_earlier_files(propose_links, capsys):
+    """With --again they have other names, because a person may have edited them; each time new ones."""
+    folder = propose_links()
+    calibration = folder / "two.calibration.json"
+    for old in ("old", "old1"):
+        (folder / "two.plan.json").write_text(old)
+        calibration.write_text(old)
+        propose_links(two=True)  # without --again it is kept
+        assert calibration.exists() and "two    kept: " in capsys.readouterr().out
+        found = channels(propose_links("--again", two=True))
+        names = f"two.plan.json.{old}, two.calibration.json.{old}"
+        line = f"two    no plan: No skin. Its earlier files have other names now: {names}."
+        assert line in capsys.readouterr().out.splitlines() and sorted(found) == list(range(2 * 17))
+        assert all((folder / name).read_text() == old for name in names.split(", ")) and not calibration.exists()
+    propose_links("--again", two=True)
+    assert "two    no plan: No skin." in capsys.readouterr().out.splitlines()
+
+
+def test_channels_of_a_link_that_fails_are_not_used(propose_links):
+    """Its earlier plan stays, also with --again."""
+    propose_links()
+    found = channels(propose_links("--again", code=1, two=False))
+    assert len(found) == len(set(found)) == 3 * 17
 
 
 def test_plan_with_an_unknown_number_of_boards_is_named(propose_links, capsys):
