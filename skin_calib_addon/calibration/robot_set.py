@@ -134,7 +134,8 @@ def calibrations_of(robot: RobotSet, folder: Path) -> tuple[dict[str, LinkCalibr
     -------
     calibrations : dict of str to LinkCalibration
     findings : tuple of Finding
-        Errors: a file that is missing, has changed or is invalid, another link, a channel that is used twice on a bus.
+        Errors: a file that is missing, has changed or is invalid, another link, another first channel, a channel that
+        is used twice on a bus.
         Warnings: a channel that is used twice without a bus, an id that is used twice.
     """
     calibrations: dict[str, LinkCalibration] = {}
@@ -160,6 +161,10 @@ def calibrations_of(robot: RobotSet, folder: Path) -> tuple[dict[str, LinkCalibr
             message = f"{name} is of the link {show(calibration.link)}, not of {show(link.link)}"
             findings.append(error("link", where, message, link.calibration))
             continue
+        first = _first_channel(calibration)
+        if first != link.first_channel:
+            message = f"is not the lowest channel of {show(link.link)}, which is {show(first)}"
+            findings.append(error("first-channel", child("", "links", k, "first_channel"), message, link.first_channel))
         calibrations[link.link] = calibration
     return calibrations, (*findings, *_used_twice(robot, calibrations))
 
@@ -216,9 +221,13 @@ def robot_link(folder: Path, name: str) -> RobotLink:
         If the calibration cannot be read or is invalid.
     """
     calibration = load_calibration(folder / name)
+    return RobotLink(calibration.link, name, file_hash(folder / name) or "", first_channel=_first_channel(calibration))
+
+
+def _first_channel(calibration: LinkCalibration) -> int | None:
+    """Return the lowest channel of a calibration; None without taxels."""
     channels = [int(patch.taxels.channels.min()) for patch in calibration.patches if len(patch.taxels.ids)]
-    sha256 = file_hash(folder / name) or ""
-    return RobotLink(calibration.link, name, sha256, first_channel=min(channels, default=None))
+    return min(channels, default=None)
 
 
 def check_robot_document(document: Any) -> tuple[Finding, ...]:

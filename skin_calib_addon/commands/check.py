@@ -97,14 +97,18 @@ def _check_robot(path: Path) -> Iterator[Finding]:
     if now != robot.urdf.sha256:
         yield warning("outdated", "/urdf/file", "has changed; fit the plans again, with this URDF", robot.urdf.file)
     try:
-        links = read_robot(path.parent / robot.urdf.file).links
+        content = read_robot(path.parent / robot.urdf.file)
     except CalibrationFormatError as problem:
         yield error("invalid", "/urdf/file", f"cannot be read: {problem}", robot.urdf.file)
         return
     for k, link in enumerate(robot.links):
-        if link.link not in links:
-            message = f"({show(link.link)}) is not in {robot.urdf.file}{did_you_mean(link.link, links)}"
+        parent = content.parents.get(link.link)
+        if link.link not in content.links:
+            message = f"({show(link.link)}) is not in {robot.urdf.file}{did_you_mean(link.link, content.links)}"
             yield error("unknown-link", f"/links/{k}/link", message, link.link)
+        elif link.parent != parent:
+            message = f"({show(link.parent)}) does not carry {show(link.link)} in the URDF; write {show(parent)}"
+            yield error("parent", f"/links/{k}/parent", message, link.parent)
 
 
 def _taxels(document: dict[str, Any]) -> int:

@@ -115,9 +115,10 @@ def fit_one(job: Job) -> Outcome:
         if source and job.before and job.folder:
             if is_current(source, job.before, job.folder, job.outputs):
                 return _unchanged(job, "up to date", job.before, warnings)
-            if _is_edited(job) and is_current(source, job.before, job.folder, []):
+            edited = _edited(job)
+            if edited and edited.link == plan.link and is_current(source, job.before, job.folder, []):
                 return _unchanged(job, "kept", job.before, warnings)
-        warnings += (EDITED,) if _is_edited(job) else ()
+            warnings += (EDITED,) if edited else ()
         calibration = _known(job.fitted, plan) if job.fitted else None
         if job.fitted and calibration:
             mean, text = job.fitted.mean, ""
@@ -152,18 +153,17 @@ def _unchanged(
     return Outcome(job, state, text, warnings + source.warnings, source.taxels, source.mean)
 
 
-def _is_edited(job: Job) -> bool:
-    """Return whether the calibration is valid, but was changed after its fit, for example by ``response``."""
+def _edited(job: Job) -> LinkCalibration | None:
+    """Return the calibration if it is valid, but was changed after its fit, for example by ``response``."""
     if not job.before or not job.folder or not os.path.isfile(job.calibration):
-        return False
+        return None
     name = job.calibration.name
     if job.before.has_files(job.folder, {name: job.before.outputs.get(name, "")}):
-        return False
+        return None
     try:
-        load_calibration(job.calibration)
+        return load_calibration(job.calibration)
     except CalibrationFormatError:
-        return False
-    return True
+        return None
 
 
 def _fit_safely(job: Job) -> Outcome:

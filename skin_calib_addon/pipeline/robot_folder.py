@@ -65,12 +65,10 @@ def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> None:
         If a calibration or the earlier file is invalid, or two calibrations have the same link.
     """
     before = load_robot_set(folder) if os.path.lexists(folder / FILE) else RobotSet(folder.resolve().name, None, ())
-    by_file = {link.calibration: link for link in before.links}
     by_name = {link.link: link for link in before.links}
     links = []
     for path in sorted(folder.glob("*.calibration.json")):
-        same = by_file.get(path.name)
-        link = same if same and same.sha256 == file_hash(path) else robot_link(folder, path.name)
+        link = robot_link(folder, path.name)
         earlier = by_name.get(link.link, link)
         parent = robot.parents.get(link.link) if robot else earlier.parent
         links.append(replace(link, parent=parent, bus=earlier.bus))

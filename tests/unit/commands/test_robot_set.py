@@ -85,7 +85,11 @@ def test_check_warns_of_channels_that_two_links_without_a_bus_use(robot, capsys)
 
 
 @pytest.mark.parametrize(
-    "problem", ["changed", "no-calibration", "invalid", "unknown-link", "duplicate", "duplicate-channel", "link"]
+    "problem",
+    [
+        *("changed", "no-calibration", "invalid", "unknown-link", "duplicate", "duplicate-channel", "link"),
+        *("parent", "first-channel"),
+    ],
 )
 def test_check_finds_what_is_wrong_between_links(robot, capsys, problem):
     path = robot / "out" / "hand.calibration.json"
@@ -101,13 +105,42 @@ def test_check_finds_what_is_wrong_between_links(robot, capsys, problem):
         write_urdf(robot, ("arm", "hnad"))
     elif problem == "duplicate-channel":
         edit(robot, bus=["can0", "can0"])
+    elif problem == "parent":
+        edit(robot, parent=["base", "hand"])
+    elif problem == "first-channel":
+        edit(robot, first_channel=[0, -5])
     else:
         edit(robot, link=["arm", "foot"])
     code, lines = check(robot, capsys)
     found = [line for line in lines if line.startswith("error: ") and line.endswith(f"[{problem}]")]
     assert code == 1 and found
-    named = {"duplicate": '"arm"', "unknown-link": '"hand"', "duplicate-channel": '"hand"'}
+    named = {"duplicate": '"arm"', **dict.fromkeys(("unknown-link", "duplicate-channel", "parent"), '"hand"')}
+    named["first-channel"] = 'is not the lowest channel of "hand", which is 0'
     assert all(named.get(problem, '"hand.calibration.json"') in line for line in found)
+
+
+@pytest.mark.parametrize("changes", [{"parent": ["hand", None]}, {"first_channel": [777, None]}])
+def test_fit_corrects_what_follows_from_the_files(robot, capsys, changes):
+    """The parents of the URDF, and the channels of calibrations that are up to date."""
+    before = load_robot_set(robot / "out")
+    edit(robot, **changes)
+    assert main(["fit", str(robot / "bot.urdf"), "-o", str(robot / "out")]) == 0
+    assert load_robot_set(robot / "out") == before and check(robot, capsys)[0] == 0
+
+
+def test_calibration_of_another_link_is_not_kept(robot, capsys):
+    """Two files are exchanged: both links are fitted, with a warning."""
+    save_mesh(cylinder(around=20, along=8), robot / "hand.ply")
+    assert main(["fit", str(robot / "bot.urdf"), "-o", str(robot / "out")]) == 0
+    arm, hand = (robot / "out" / f"{name}.calibration.json" for name in LINKS)
+    right = arm.read_bytes(), hand.read_bytes()
+    arm.write_bytes(right[1])
+    hand.write_bytes(right[0])
+    capsys.readouterr()
+    assert main(["fit", str(robot / "bot.urdf"), "-o", str(robot / "out")]) == 0
+    out, err = capsys.readouterr()
+    assert "2 links: 2 fitted" in out and err.count("The calibration was changed after its last fit") == 2
+    assert (arm.read_bytes(), hand.read_bytes()) == right and check(robot, capsys)[0] == 0
 
 
 def test_buses_of_the_author_stay_and_separate_channels(robot, capsys):
