@@ -11,6 +11,7 @@ from ..skin_calib_addon.blender.scene import link_objects, plans, results, robot
 from ..skin_calib_addon.blender.scene.preferences import preferences
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import refusal_of
+from ..skin_calib_addon.common.atomic_file import make_folder
 from ..skin_calib_addon.common.errors import InvalidMesh, InvalidPlan, OutputError, SkinCalibError, counted, listed
 from ..skin_calib_addon.common.findings import printable
 from ..skin_calib_addon.pipeline.robot_folder import save_link, save_robot
@@ -208,10 +209,7 @@ def links_to_write(context):
 
 def write_folder(context, folder, links):
     """Write plan and calibration of each link, their sources, and robot.json."""
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as problem:
-        raise OutputError(f"the folder {folder} cannot be created: {problem}. Choose another one.") from problem
+    make_folder(folder)
     for link in links:
         path = plan_path(folder, link.skin_calib.link)
         save_link(robots.fit_of(link), write_plan(context, link, path), path)

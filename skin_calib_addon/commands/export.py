@@ -8,11 +8,11 @@ from pathlib import Path
 from ..calibration.exchange import FORMATS, WRITABLE, only_patches
 from ..calibration.file import load_calibration
 from ..calibration.robot_set import FILE, calibrations_of, is_robot, load_robot_set, robot_file
-from ..common.atomic_file import check_writable, write_bytes_safely
+from ..common.atomic_file import check_writable, make_folder, write_bytes_safely
 from ..common.errors import OutputError, SkinCalibError
 from ..robot.mjcf import MARK, robot_mjcf
 from ..robot.urdf import read_robot
-from .common import DONE, WRONG_DATA, check_target, complain, listed, say
+from .common import DONE, FIT_WITH_URDF, WRONG_DATA, check_target, complain, listed, say
 
 ROBOT_FORMAT = "mjcf"  # the format of a whole robot
 
@@ -54,7 +54,7 @@ def _export_robot(options: argparse.Namespace) -> int:
     robot = load_robot_set(options.file)
     folder = robot_file(options.file).parent
     if robot.urdf is None:
-        raise SkinCalibError(f"{FILE} names no URDF. Fit the plans with it: skin-calib fit ROBOT.urdf")
+        raise SkinCalibError(f"{FILE} names no URDF. {FIT_WITH_URDF}")
     calibrations, findings = calibrations_of(robot, folder)
     problems = [f"{FILE}: {finding}" for finding in findings if finding.severity == "error"]
     urdf = folder / robot.urdf.file
@@ -67,10 +67,7 @@ def _export_robot(options: argparse.Namespace) -> int:
         _check_mesh_file(mesh_folder / name, inputs)
     for line in (*problems, *model.problems):
         complain(line)
-    try:
-        os.makedirs(mesh_folder, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"the folder {mesh_folder} cannot be created: {error.strerror}") from error
+    make_folder(mesh_folder)
     for name, data in model.meshes.items():
         write_bytes_safely(mesh_folder / name, data)
     write_bytes_safely(options.output, model.text)

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..calibration.robot_set import FILE
+from ..common.atomic_file import make_folder
 from ..common.errors import CalibrationFormatError, InvalidPlan, OutputError, SkinCalibError, counted
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline.robot_folder import save_robot
@@ -92,6 +93,8 @@ def run(options: argparse.Namespace) -> int:
             "The scene has no link to fit. Give an object a link name in the Skin tab, or specify a plan."
         )
     names = [name for name, _, _ in links]
+    if len(links) > 1 and not options.output.suffix and not os.path.lexists(options.output):
+        make_folder(options.output)
     for target in (options.output, options.picture, options.report):
         if len(links) > 1 and target is not None and not os.path.isdir(target):
             raise OutputError(

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
+from ..common.atomic_file import make_folder
 from ..common.errors import InvalidMesh, OutputError, SkinCalibError, UnknownLink, counted
 from ..common.findings import did_you_mean, show
 from ..plan import load_plan, named_from, save_plan
@@ -79,10 +80,7 @@ def propose(
     links = _links(options)
     fit = fit and len(links) > 1  # the summary of a single fit needs more than its calibration
     tasks = [Task(options.file, options.unit, link, choice, fit=fit) for link in links]
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as problem:
-        raise OutputError(f"the folder {folder} cannot be created: {problem}. Choose another one.") from problem
+    make_folder(folder)
     kept = {task.link for task in tasks if not again and os.path.lexists(plan_path(folder, task.link))}
     done: dict[str, Outcome] = {}
     try:

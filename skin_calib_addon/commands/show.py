@@ -12,7 +12,7 @@ from ..pipeline.report import area_table, covered_area, robot_table, seen_area, 
 from ..robot.kinematics import link_poses
 from ..robot.link_mesh import load_urdf_meshes
 from ..robot.urdf import read_robot
-from .common import DONE, WRONG_DATA, check_picture, check_target, complain, say
+from .common import DONE, FIT_WITH_URDF, WRONG_DATA, check_picture, check_target, complain, say
 
 
 def add(commands) -> None:
@@ -71,7 +71,7 @@ def _draw_robot(robot: RobotSet, folder: Path, calibrations: Mapping[str, LinkCa
     from ..pictures.robot import draw_robot
 
     if robot.urdf is None:
-        complain(f"{FILE} names no URDF, which the picture needs. Fit the plans with it: skin-calib fit ROBOT.urdf")
+        complain(f"{FILE} names no URDF, which the picture needs. {FIT_WITH_URDF}")
         return False
     urdf = folder / robot.urdf.file
     content = read_robot(urdf)

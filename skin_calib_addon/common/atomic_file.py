@@ -52,6 +52,14 @@ def write_bytes_safely(path: str | os.PathLike[str], data: bytes) -> None:
         raise OutputError(f"cannot write '{path}': {reason}. Choose another folder, or free disk space.") from problem
 
 
+def make_folder(folder: Path) -> None:
+    """Create a folder, or keep the one that exists; raise OutputError if that is not possible."""
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as problem:
+        raise OutputError(f"the folder {folder} cannot be created: {problem}. Choose another one.") from problem
+
+
 def check_writable(path: str | os.PathLike[str]) -> None:
     """Raise OutputError if a file cannot be replaced: a folder, a device, or a file that is write-protected."""
     with suppress(OSError, ValueError):  # writing it states what is wrong

@@ -1,16 +1,18 @@
 """The folder of a robot: plans, calibrations, their sources, and ``robot.json``."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from ..calibration.file import save_calibration
-from ..calibration.robot_set import FILE, RobotSet, UrdfFile, load_robot_set, robot_link, save_robot_set
+from ..calibration.robot_set import FILE, RobotLink, RobotSet, UrdfFile, load_robot_set, robot_link, save_robot_set
 from ..common.file_hash import file_hash
 from ..plan import Plan
-from ..robot.urdf import Robot
+from ..robot.link_mesh import is_urdf
+from ..robot.urdf import Robot, read_robot
 from .calibrate import Calibrated
-from .sources import add_outputs, relative_path, save_source, source_of
+from .sources import add_outputs, load_sources, relative_path, save_source, source_of
 
 
 def save_link(result: Calibrated, plan: Plan, path: Path) -> Path:
@@ -48,6 +50,8 @@ def save_link(result: Calibrated, plan: Plan, path: Path) -> Path:
 def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> None:
     """Write ``robot.json``: all calibrations of a folder. Name, URDF and buses of an earlier one stay.
 
+    Without an argument, the URDF is the mesh of all plans, if it is the same.
+
     A folder of several calibrations of one link is no robot: without URDF and earlier file, none is written.
 
     Parameters
@@ -62,21 +66,41 @@ def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> None:
     Raises
     ------
     CalibrationFormatError
-        If a calibration or the earlier file is invalid, or two calibrations have the same link.
+        If a calibration, the URDF or the earlier file is invalid, or two calibrations have the same link.
     """
     before = load_robot_set(folder) if os.path.lexists(folder / FILE) else RobotSet(folder.resolve().name, None, ())
-    by_name = {link.link: link for link in before.links}
-    links = []
-    for path in sorted(folder.glob("*.calibration.json")):
-        link = robot_link(folder, path.name)
-        earlier = by_name.get(link.link, link)
-        parent = robot.parents.get(link.link) if robot else earlier.parent
-        links.append(replace(link, parent=parent, bus=earlier.bus))
+    links = [robot_link(folder, path.name) for path in sorted(folder.glob("*.calibration.json"))]
     if not (robot or before.links) and len({link.link for link in links}) < len(links):
         return
+    if urdf is None and (urdf := _urdf_of_sources(folder, links, before)):
+        robot = read_robot(urdf)
+    by_name = {link.link: link for link in before.links}
+    for k, link in enumerate(links):
+        earlier = by_name.get(link.link, link)
+        parent = robot.parents.get(link.link) if robot else earlier.parent
+        links[k] = replace(link, parent=parent, bus=earlier.bus)
     now = replace(before, links=tuple(links))
     if robot and urdf:
         file = UrdfFile(relative_path(folder, urdf), file_hash(urdf) or "")
         now = replace(now, robot=robot.name or urdf.stem, urdf=file)
     if now != before:
         save_robot_set(now, folder)
+
+
+def _urdf_of_sources(folder: Path, links: Sequence[RobotLink], before: RobotSet) -> Path | None:
+    """Return the URDF that has the meshes of all links, by their plans; None if an earlier fit had another URDF.
+
+    Parameters
+    ----------
+    folder : Path
+        Has the calibrations.
+    links : sequence of RobotLink
+        All of them.
+    before : RobotSet
+        The earlier ``robot.json``.
+    """
+    sources = load_sources(folder)
+    meshes = {sources[link.calibration].mesh if link.calibration in sources else "" for link in links}
+    mesh = meshes.pop() if len(meshes) == 1 else ""
+    is_other = before.urdf is not None and before.urdf.file != mesh
+    return folder / mesh if is_urdf(Path(mesh)) and not is_other else None

@@ -199,6 +199,45 @@ def test_plans_of_the_other_links_are_proposed(tmp_path, capsys, case):
     assert sorted(path.name for path in (tmp_path / "plans").iterdir()) == ["base.plan.json", "end.plan.json"]
 
 
+def test_commands_of_the_readme_follow_each_other(tmp_path, capsys):
+    """The plans name the robot, and the folder of the calibrations need not exist."""
+    pytest.importorskip("mujoco")
+    plates(tmp_path, ("base", "middle", "end"))
+    for words in (
+        ("propose", "bot.urdf", "-o", "plans", "--skin", "sheet:2x2x8mm"),
+        ("fit", "plans", "-o", "robot"),
+        ("check", "robot"),
+        ("export", "robot", "--to", "mjcf", "-o", "robot_with_skin.xml"),
+    ):
+        names = ("bot.urdf", "plans", "robot", "robot_with_skin.xml")
+        assert main([str(tmp_path / word) if word in names else word for word in words]) == 0
+    document = json.loads((tmp_path / "robot" / "robot.json").read_text())
+    assert document["robot"] == "bot" and document["urdf"]["file"] == "../bot.urdf"
+    assert [link["parent"] for link in document["links"]] == [None, "middle", "base"]
+
+
+def test_robot_is_that_of_all_plans_or_of_an_earlier_fit(tmp_path):
+    """A plan with a mesh of its own leaves the robot open; a URDF that was named stays."""
+    urdf, out = plates(tmp_path, ("base", "middle", "end")), tmp_path / "out"
+
+    def robot():
+        assert main(["fit", str(tmp_path / "plans"), "-o", str(out)]) == 0
+        return json.loads((out / "robot.json").read_text())["urdf"]
+
+    assert propose(urdf) == 0
+    path = tmp_path / "plans" / "end.plan.json"
+    text = path.read_text()
+    path.write_text(json.dumps(json.loads(text) | {"mesh": "../2.ply"}))
+    assert robot() is None
+    path.write_text(text)
+    assert robot()["file"] == "../bot.urdf"
+    (tmp_path / "whole.urdf").write_text(urdf.read_text())
+    assert main(["fit", str(tmp_path / "whole.urdf"), str(tmp_path / "plans"), "-o", str(out)]) == 0
+    assert robot()["file"] == "../whole.urdf"
+    urdf.write_text(urdf.read_text().replace('name="bot"', 'name="other"'))
+    assert robot()["file"] == "../whole.urdf"
+
+
 SCALED = meshes("0.ply", 'scale="${s}"')
 XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 

@@ -320,7 +320,7 @@ def test_without_urdf_there_is_no_model(robot, capsys):
     path.write_text(json.dumps(json.loads(path.read_text()) | {"urdf": None}))
     code, _, err = export(robot, capsys)
     assert code == 1 and err == [
-        "skin-calib: robot.json names no URDF. Fit the plans with it: skin-calib fit ROBOT.urdf"
+        "skin-calib: robot.json names no URDF. Fit the plans with it: skin-calib fit ROBOT.urdf PLANS -o FOLDER"
     ]
 
 
