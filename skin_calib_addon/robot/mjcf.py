@@ -147,7 +147,8 @@ def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[tuple[str, ...],
     """Switch off what would be touched instead of a skin, and contacts of the robot with itself at zero.
 
     MuJoCo collides with the convex hull of a mesh. That of a concave link is above its skin. Those of adjacent links
-    overlap. Shapes of other links stay, even if they cover a taxel: they may be all that touches the world.
+    overlap. Shapes of other links stay, even if they are fixed to the link and cover a taxel: they may be all that
+    touches the world.
 
     Parameters
     ----------
@@ -173,22 +174,23 @@ def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[tuple[str, ...],
     mujoco.mj_kinematics(model, data)
     mujoco.mj_collision(model, data)
     bodies = [model.body(name).id for name in skins]
-    weld, of_skin = model.body_weldid, np.isin(range(model.nbody), bodies) | np.isin(model.body_parentid, bodies)
+    of_skin = np.isin(range(model.nbody), bodies) | np.isin(model.body_parentid, bodies)
     collides = ((model.geom_contype | model.geom_conaffinity) != 0) & ~of_skin[model.geom_bodyid]
     hiding: set[int] = set()
     covering: Counter[tuple[str, str]] = Counter()  # taxels by their link and by the link of a shape
     for site in np.flatnonzero(of_skin[model.site_bodyid]).tolist():
-        place, link = data.site_xpos[site], model.site_bodyid[site]
+        place, skin = data.site_xpos[site], model.site_bodyid[site]
+        link = model.body_parentid[skin if skin in bodies else model.body_parentid[skin]]
         data.geom_xpos[probe.id] = place
         is_near = np.linalg.norm(data.geom_xpos - place, axis=1) < model.geom_rbound + MIN_PROTRUSION
         over: set[tuple[str, str]] = set()
         for geom in np.flatnonzero(collides & is_near).tolist():
             body = model.geom_bodyid[geom]
             if geom not in hiding and mujoco.mj_geomDistance(model, data, probe.id, geom, MIN_PROTRUSION, None) < 0:
-                if weld[body] == weld[link]:
+                if body == link:
                     hiding.add(geom)
-                else:  # names of a skin begin with that of its link
-                    over.add((model.body(link).name.partition("/")[0], model.body(body).name))
+                else:
+                    over.add((model.body(link).name, model.body(body).name))
         covering.update(over)
     for geom in hiding:  # geoms have the same order in both, because the body of the probe is the last
         spec.geoms[geom].contype = spec.geoms[geom].conaffinity = 0

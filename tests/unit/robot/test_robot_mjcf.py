@@ -230,18 +230,33 @@ def test_shapes_up_to_a_millimetre_below_the_taxels_are_switched_off(millimetres
     assert (spec.geom("shape").contype == 0) == hides
 
 
+@pytest.mark.parametrize("joint", ['<joint axis="0 0 1"/>', ""])
 @pytest.mark.parametrize(("millimetres", "covers"), [(-3.0, True), (0.9, True), (1.1, False)])
-def test_taxels_below_shapes_of_other_links_are_stated(millimetres, covers):
-    """A box of the base over a taxel of the arm stays, because it may be all that touches the world."""
+def test_taxels_below_shapes_of_other_links_are_stated(millimetres, covers, joint):
+    """A box of the base over a taxel of the arm stays, because it may be all that touches the world; also if fixed."""
     spec = mujoco.MjSpec.from_string(
         f"""<mujoco><worldbody><body name="base"><geom name="shape" type="box" size=".02 .02 .01" mass="1"/>
-        <body name="arm"><joint axis="0 0 1"/><geom type="sphere" size=".001" pos="0 .1 0" mass="1"/>
+        <body name="arm">{joint}<geom type="sphere" size=".001" pos="0 .1 0" mass="1"/>
         <body name="arm/skin"><geom type="box" size=".002 .002 .001" pos="0 0 {0.009 + 1e-3 * millimetres}" mass="0"/>
         <site pos="0 0 {0.01 + 1e-3 * millimetres}"/></body></body></body></worldbody></mujoco>"""
     )
     uncovered, covered = mjcf._uncover(spec, ["arm/skin"], mujoco)
     assert uncovered == () and spec.geom("shape").contype == 1
     assert len(covered) == covers and all("1 taxel of arm is below the collision shape of base" in k for k in covered)
+
+
+def test_shape_that_is_fixed_to_a_link_is_not_that_of_the_link(robot, capsys):
+    """A lid over the arm: presses there are felt by the lid, and a line states how many taxels it covers."""
+    urdf = robot / "bot" / "bot.urdf"
+    lid = '<link name="lid"><collision><geometry><box size="0.2 0.2 0.02"/></geometry></collision></link>'
+    joint = '<joint name="l" type="fixed"><parent link="arm"/><child link="lid"/><origin xyz="0 0 0.05"/></joint>'
+    urdf.write_text(urdf.read_text().replace("</robot>", f"{lid}{joint}</robot>"))
+    code, out, err = export(robot, capsys)
+    assert code == 0 and out.endswith("would hide skin are switched off: arm, hand\n")
+    words = "warning: 8 taxels of arm are below the collision shape of lid in the zero pose: no press is felt there"
+    assert err == [f"skin-calib: {words}"]
+    model = mujoco.MjModel.from_xml_path(str(robot / "skin.xml"))
+    assert model.geom_contype[model.body("lid").geomadr[0]] == 1
 
 
 def test_robot_that_mujoco_refuses_is_one_line(robot, capsys):
@@ -341,7 +356,10 @@ def face(normal, rows, columns, direction, low, high, axis):
 @pytest.mark.slow
 @pytest.mark.skipif(not (ROBOTS / G1).exists(), reason="the robots are not here")
 def test_whole_body_of_a_real_robot(tmp_path, capsys):
-    """200 taxels of seven links of G1, whose concave links have collision shapes above the skin."""
+    """200 taxels of seven links of G1, whose concave links have collision shapes above the skin.
+
+    The logo is a link of its own, which is fixed to the torso. Only taxels below it do not feel each press.
+    """
     (tmp_path / "out").mkdir()
     plans = {"torso_link": face([1, 0, 0], 8, 10, [0, 1, 0], 0.12, 0.26, 2)}
     for side, sign in (("left", 1), ("right", -1)):
@@ -351,7 +369,10 @@ def test_whole_body_of_a_real_robot(tmp_path, capsys):
     for link, members in plans.items():
         write_plan(tmp_path, link, link=link, mesh=str(ROBOTS / G1), **members)
     assert main(["fit", str(ROBOTS / G1), str(tmp_path), "-o", str(tmp_path / "out")]) == 0
-    assert export(tmp_path, capsys)[0] == 0
+    code, _, err = export(tmp_path, capsys)
+    assert code == 0 and len(err) == 1 and " taxels of torso_link are below the collision shape of logo_link" in err[0]
     right, pressed = touched(tmp_path / "skin.xml", tmp_path / "out", ROBOTS / G1, 200)
-    assert right == pressed and len(pressed) == 200
+    missed = [name for name in pressed if name not in right]
+    assert len(pressed) == 200 and len(missed) <= int(err[0].split()[2])
+    assert all(name.startswith("torso_link/") for name in missed)
     assert steps(tmp_path / "skin.xml")
