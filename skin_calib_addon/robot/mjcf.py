@@ -3,7 +3,7 @@
 import re
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ MARK = b"# skin-calib"  # first bytes of each mesh that this program writes: suc
 # below the skin are switched off, too. Smaller: the shape takes a part of the force of a press.
 MIN_PROTRUSION = 1e-3
 PARTS = ("link", "joint", "material")  # Format: what MuJoCo needs of a URDF; others are of simulators and controllers
+WORLD = "world"  # Format: name of the body of MuJoCo that carries all others; a first link of this name is this body
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")  # Format: attributes in a URDF
 INERTIA_PRECISION = 1e-4  # Format: [1] of inertias in a URDF
 # [1] of the largest inertia of a flat part below the sum of the others. Larger: a less exact inertia; smaller: the six
@@ -80,7 +81,7 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
     Raises
     ------
     SkinCalibError
-        If MuJoCo is not installed, or does not accept the robot.
+        If MuJoCo is not installed, or does not accept the robot, for example a floating joint between two links.
     CalibrationFormatError
         If two sensors of a link would have the same name.
     """
@@ -90,7 +91,7 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
         raise SkinCalibError(
             "a model of the robot needs MuJoCo, which is not installed here: pip install 'skin-calib[robots]'"
         ) from error
-    description, meshes, sources, problems, impossible = _with_own_meshes(urdf, mujoco)
+    description, meshes, sources, problems, impossible = _with_own_meshes(robot, urdf, calibrations, mujoco)
     skins = {
         link: write_mjcf(calibration).decode() for link, calibration in calibrations.items() if link in robot.links
     }
@@ -205,8 +206,42 @@ def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[tuple[str, ...],
     return tuple(dict.fromkeys(model.body(model.geom_bodyid[geom]).name for geom in sorted(hiding))), covered
 
 
+def _free_in_the_world(root: ET.Element, robot: Robot, skins: Container[str]) -> None:
+    """Call the empty first link above a floating joint the world, which alone carries such joints in MuJoCo.
+
+    Parameters
+    ----------
+    root : Element
+        Of the URDF; its links and joints change.
+    robot : Robot
+        Content of the URDF.
+    skins : container of str
+        Links with a skin, which are not empty.
+
+    Raises
+    ------
+    SkinCalibError
+        If another link carries a floating joint.
+    """
+    floating = {joint.parent: joint for joint in robot.joints.values() if joint.type == "floating"}
+    for link, joint in floating.items():
+        shapes = [shape for element in root.findall("link") if element.get("name") == link for shape in element]
+        if link == WORLD and link not in robot.parents:
+            continue
+        is_empty = link not in skins and not any(shape.tag in ("visual", "collision") for shape in shapes)
+        if link in robot.parents or WORLD in robot.links or not is_empty:
+            raise SkinCalibError(
+                f"the joint {joint.name} of {robot.file} is floating, and {link} carries it. MuJoCo accepts this only "
+                "below a first link without shapes and skin. Write another type for the joint."
+            )
+        for element in root.iter():
+            name = {"link": "name", "parent": "link"}.get(element.tag, "")
+            if element.get(name) == link:
+                element.set(name, WORLD)
+
+
 def _with_own_meshes(
-    urdf: Path, mujoco: Any
+    robot: Robot, urdf: Path, skins: Container[str], mujoco: Any
 ) -> tuple[str, dict[str, bytes], tuple[Path, ...], list[str], tuple[str, ...]]:
     """Return the text of a robot that names files of one folder, these files and their sources, and what is wrong.
 
@@ -216,8 +251,12 @@ def _with_own_meshes(
 
     Parameters
     ----------
+    robot : Robot
+        Content of the URDF.
     urdf : Path
-        File of the robot.
+        Its file.
+    skins : container of str
+        Links with a skin.
     mujoco : module
         The library.
     """
@@ -225,6 +264,7 @@ def _with_own_meshes(
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]  # some files have a namespace
     root[:] = [element for element in root if element.tag in PARTS]
+    _free_in_the_world(root, robot, skins)
     made: dict[tuple[Path, str], tuple[str, bytes]] = {}  # name and content by file and scale
     problems: list[str] = []
     for link in root.findall("link"):

@@ -259,6 +259,41 @@ def test_shape_that_is_fixed_to_a_link_is_not_that_of_the_link(robot, capsys):
     assert model.geom_contype[model.body("lid").geomadr[0]] == 1
 
 
+FLOATING = '<joint name="f" type="floating"><parent link="{0}"/><child link="{1}"/><origin xyz="0 0 1"/></joint>'
+
+
+@pytest.mark.parametrize("name", ["odom", "world", "it's"])
+def test_floating_joint_below_an_empty_first_link_is_free(robot, capsys, name):
+    """Whatever the name of this link; other joints below it stay."""
+    urdf = robot / "bot" / "bot.urdf"
+    more = f'<link name="{name}"/><link name="mast"/>' + FLOATING.format(name, "base")
+    more += f'<joint name="m" type="fixed"><parent link="{name}"/><child link="mast"/></joint>'
+    urdf.write_text(urdf.read_text().replace("</robot>", f"{more}</robot>"))
+    assert export(robot, capsys)[::2] == (0, [])
+    model = mujoco.MjModel.from_xml_path(str(robot / "skin.xml"))
+    assert model.joint("f").type == mujoco.mjtJoint.mjJNT_FREE and model.body("mast").parentid == 0
+    right, pressed = touched(robot / "skin.xml", robot / "out", urdf, 16)
+    assert right == pressed
+
+
+@pytest.mark.parametrize("case", ["first link with a shape", "between links", "another world"])
+def test_floating_joint_that_mujoco_does_not_have_is_one_line(robot, capsys, case):
+    """The line names the joint and what to do; nothing is written."""
+    urdf = robot / "bot" / "bot.urdf"
+    carrier = "base" if case == "first link with a shape" else "odom"
+    more = '<link name="lamp"/>' + FLOATING.format(carrier, "lamp")
+    if case != "first link with a shape":
+        more += '<link name="odom"/>'
+    if case == "between links":
+        more += '<joint name="o" type="fixed"><parent link="hand"/><child link="odom"/></joint>'
+    elif case == "another world":
+        more += '<link name="world"/><joint name="o" type="fixed"><parent link="odom"/><child link="world"/></joint>'
+    urdf.write_text(urdf.read_text().replace("</robot>", f"{more}</robot>"))
+    code, out, err = export(robot, capsys)
+    assert code == 1 and out == "" and len(err) == 1 and not (robot / "skin_meshes").exists()
+    assert f"the joint f of bot.urdf is floating, and {carrier} carries it. MuJoCo accepts this only below" in err[0]
+
+
 def test_robot_that_mujoco_refuses_is_one_line(robot, capsys):
     """Nothing is written."""
     urdf = robot / "bot" / "bot.urdf"
