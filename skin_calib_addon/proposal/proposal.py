@@ -216,17 +216,20 @@ class _Target:
     ) -> Proposal:
         """Return the proposal with skins on surfaces, without boards that conflict."""
         placed, reasons = [], [self.sentence]
+        problems: dict[str, str] = {}  # by the names of the surfaces
         for proposed in found:
             begin(f"skin of {proposed.surface.name}")
             try:
                 placed.append((proposed, *skin_of(proposed)))
             except SkinCalibError as problem:
+                problems[proposed.surface.name] = str(problem)
                 reasons.append(_left_out(proposed, str(problem)))
         surfaces, skins, taxels, cells, covered = [], [], 0, 0.0, np.zeros(len(self.on.points), bool)
         fits: dict[str, SurfaceFit] = {}
         for proposed, skin, kept, areas in _without_conflicts(self.mesh, self.on, placed):
             if not kept.any():
-                reasons.append(_left_out(proposed, "its boards are hidden, or over other boards"))
+                problems[proposed.surface.name] = "its boards are hidden, or over other boards"
+                reasons.append(_left_out(proposed, problems[proposed.surface.name]))
                 continue
             surfaces.append(proposed.surface)
             fits[proposed.surface.name] = proposed.fit
@@ -243,8 +246,9 @@ class _Target:
                 f"No surface of at least {MIN_AREA * 1e4:.0f} cm^2 is within 1 mm and 15 degrees of the mesh: no skin."
             )
             if found:
-                where = f"{counted(len(found), 'surface')} of up to {max(p.area for p in found) * 1e4:.0f} cm^2"
-                words = f"No skin fits on {where}: choose smaller cells."
+                largest = max(found, key=lambda proposed: proposed.area)
+                where = f"{counted(len(found), 'surface')} of up to {largest.area * 1e4:.0f} cm^2"
+                words = f"No skin fits on {where}. The largest: {problems[largest.surface.name]}"
             return Proposal(self.link, None, (*reasons, words), self.on.seen, self.free)
         area = float(self.on.areas[covered].sum())
         words = f"Surfaces with skin cover {area * 1e4:.0f} cm^2 of the free area."

@@ -71,6 +71,21 @@ def test_all_sides_of_a_box_are_covered():
     assert sum(p.area for p in found) == pytest.approx(on.areas[on.covered].sum(), rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("skin", "words"),
+    [
+        ("hexagons:0.01mm", "lengths are in metres. Use larger boards."),
+        ("hexagons:200mm", "use smaller boards"),
+        ("sheet:2x2x200mm", "The surface is smaller than a cell."),
+    ],
+)
+def test_link_without_skin_states_why_none_fits_on_the_largest_surface(tmp_path, skin, words):
+    """Cells can be too small, too."""
+    found = proposed(box((0, 0, 0), (0.06, 0.05, 0.04)), tmp_path, skin)
+    assert found.plan is None and found.reasons[-1].startswith("No skin fits on ")
+    assert " of up to 29 cm^2. The largest: " in found.reasons[-1] and words in found.reasons[-1]
+
+
 def test_a_tube_is_one_surface_and_its_ends(tube):
     """The wall all round, and the two flat ends."""
     on = LinkPoints.of(tube)
