@@ -119,6 +119,11 @@ def _parsed(text: str, path: Path) -> Robot:
     try:
         for node in children_of_root(text, "robot", MAX_NODES_PER_LINK):
             name = node.parent.attributes.get("name", "") if node.parent else ""
+            parts = [node]
+            for part in parts:  # grows
+                if part.tag.startswith("xacro:"):
+                    raise XmlError("xacro", part.line, f"has the element {show(part.tag)}, which is not of a URDF")
+                parts += part.children
             if node.tag in ("link", "joint"):
                 own = node.attribute("name")
                 if own in (links if node.tag == "link" else joints):
@@ -134,7 +139,7 @@ def _parsed(text: str, path: Path) -> Robot:
         message = f"'{path}' has {problem.finding}" + (f". {xacro}" if xacro else "")
         raise CalibrationFormatError(message, (problem.finding,)) from problem
     if not links:
-        raise CalibrationFormatError(f"'{path}' has no link. {xacro or 'Check that it is the correct file.'}")
+        raise CalibrationFormatError(f"'{path}' has no link. Check that it is the correct file.")
     return Robot(path.name, links, name, joints, {link: found for link, found in shapes.items() if found})
 
 

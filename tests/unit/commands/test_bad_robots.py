@@ -238,16 +238,34 @@ def test_robot_is_that_of_all_plans_or_of_an_earlier_fit(tmp_path):
     assert robot()["file"] == "../whole.urdf"
 
 
+PREFIXED = f'<link name="${{prefix}}a">{meshes("0.ply")}</link>'
 SCALED = meshes("0.ply", 'scale="${s}"')
 XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 
 
-@pytest.mark.parametrize("case", [*BAD, "empty", "xacro", "xacro of a scale", "no visuals", "collisions only"])
+@pytest.mark.parametrize(
+    "case",
+    [
+        *(*BAD, "empty", "xacro", "xacro around a link", "xacro in a link", "xacro of a scale"),
+        *("no visuals", "collisions only"),
+    ],
+)
 def test_robot_without_links_to_propose_is_one_line(tmp_path, capsys, case):
     """No folder is made."""
     texts = {
         "empty": ("", "is empty. Check that it was written completely."),
-        "xacro": (f'<robot name="x"><xacro:m {XACRO}/></robot>', "has no link. It is a xacro file. Convert it first:"),
+        "xacro": (
+            f'<robot name="x"><xacro:m {XACRO}/></robot>',
+            "which is not of a URDF [xacro]. It is a xacro file. Convert it first:",
+        ),
+        "xacro around a link": (
+            f'<robot name="x" {XACRO}><xacro:m name="m">{PREFIXED}</xacro:m>{PREFIXED}</robot>',
+            'line 1 has the element "xacro:m", which is not of a URDF [xacro]. It is a xacro file. Convert it first:',
+        ),
+        "xacro in a link": (
+            f'<robot name="x" {XACRO}>{PREFIXED.replace("</link>", "<xacro:m/></link>")}</robot>',
+            'line 1 has the element "xacro:m", which is not of a URDF [xacro]. It is a xacro file. Convert it first:',
+        ),
         "xacro of a scale": (
             f'<robot name="x" {XACRO}><xacro:m/><link name="a">{SCALED}</link></robot>',
             "It is a xacro file. Convert it first: xacro bot.urdf > robot.urdf",
@@ -269,6 +287,13 @@ def test_robot_without_links_to_propose_is_one_line(tmp_path, capsys, case):
         assert main([command, str(tmp_path / "bot.urdf"), "-o", str(tmp_path / "out"), *more]) == 1
         err = capsys.readouterr().err
         assert len(err.splitlines()) == 1 and words in err and not (tmp_path / "out").exists()
+
+
+def test_comments_of_a_converted_xacro_file_are_read(tmp_path):
+    """The program xacro keeps comments, also those about its elements."""
+    urdf = plates(tmp_path, ("base", "end"))
+    urdf.write_text(urdf.read_text().replace("<link", "<!-- <xacro:include filename='a'/> --><link", 1))
+    assert propose(urdf) == 0
 
 
 NAMES = ("a/b", "a_b", "a b", "../up", "腕", "base\u202e", "long" * 80)
