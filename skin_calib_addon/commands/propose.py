@@ -178,6 +178,8 @@ def _numbers(proposal: Proposal) -> str:
 
 def _links(options: argparse.Namespace) -> list[str]:
     """Return the links to propose plans for."""
+    if os.path.isdir(options.file):
+        raise InvalidMesh(f"'{options.file}' is a folder. Name a URDF or a mesh.")
     if not is_urdf(options.file):
         return [options.file.stem]
     robot = read_robot(options.file)

@@ -296,6 +296,16 @@ def test_comments_of_a_converted_xacro_file_are_read(tmp_path):
     assert propose(urdf) == 0
 
 
+@pytest.mark.parametrize("name", [".", "robot.urdf"])
+def test_folder_is_no_robot(tmp_path, capsys, monkeypatch, name):
+    """One line names it, and no folder is made."""
+    (tmp_path / name).mkdir(exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    assert main(["propose", name, "-o", "plans"]) == 1
+    assert capsys.readouterr().err == f"skin-calib: '{name}' is a folder. Name a URDF or a mesh.\n"
+    assert not (tmp_path / "plans").exists()
+
+
 NAMES = ("a/b", "a_b", "a b", "../up", "腕", "base\u202e", "long" * 80)
 
 
