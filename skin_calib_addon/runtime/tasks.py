@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..common.arrays import Array
+from ..common.arrays import Array, BoolArray
 
 # [1] Fraction of the largest mobility of a task, below which the joints cannot move a direction of it. Larger: near a
 # singular pose lower tasks disturb that direction; smaller: rounding errors of a Jacobian block lower tasks.
@@ -191,7 +191,7 @@ class TorqueResolver:
         return self.angles
 
 
-def _stopped(velocities: Array, mass: Array, stopped: Array) -> Array:
+def _stopped(velocities: Array, mass: Array, stopped: BoolArray) -> Array:
     """Return the velocities (n,) after impulses on the joints that stop: the momentum of the others is kept."""
     free = ~stopped
     after = np.zeros_like(velocities)
