@@ -24,6 +24,7 @@ from ..plan.checks import naming_surface
 from ..plan.plan import Surface
 from ..robot.link_mesh import load_plan_mesh
 from ..skin.between import overlap_warnings
+from ..skin.warnings import normal_warnings
 from .place_skins import PlacedSkin, place_all
 from .taxel_sigma import unknown_sigma
 
@@ -234,7 +235,8 @@ def warnings_of(fits: Mapping[str, SurfaceFit], placed: tuple[PlacedSkin, ...]) 
     found = [warning if len(fits) == 1 else _naming(names, warning) for warning, names in surfaces.items()]
     for skin in placed:
         fit = fits[skin.patch.surface]
-        found += (*_over_holes(skin.patch, fit), *skin.warnings, *unknown_sigma(skin.patch, fit))
+        found += (*_over_holes(skin.patch, fit), *skin.warnings, *normal_warnings(skin.patch, fit.given_mesh))
+        found += unknown_sigma(skin.patch, fit)
     found += overlap_warnings([skin.patch for skin in placed])
     return tuple(found)
 

@@ -5,10 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..calibration.model import Patch
-from ..common.arrays import Array, IntArray
+from ..common.arrays import Array, IntArray, unit
 from ..common.errors import InvalidPlan
 from ..common.warnings import Place, Warning, point_of
-from .boards.ground import GAP_LIMIT
+from ..geometry.mesh.closest import distance_to
+from ..geometry.mesh.triangle_mesh import TriangleMesh
+from .boards.ground import GAP_LIMIT, MAX_ANGLE
 from .sheet.closure import Closure
 
 # Limits of what real skins tolerate. Larger: fewer warnings.
@@ -89,6 +91,46 @@ def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator
                 worst,
                 advice,
             )
+
+
+def normal_warnings(patch: Patch, mesh: TriangleMesh) -> Iterator[Warning]:
+    """Yield a warning if normals are oblique to the faces below their cells.
+
+    The faces are those nearest to the centre of a cell and to the points halfway to its corners. Their mean normal is
+    compared, so that facets, or the noise of a scan, do not count.
+
+    Parameters
+    ----------
+    patch : Patch
+        The placed skin.
+    mesh : TriangleMesh
+        Mesh of the link [m].
+
+    Yields
+    ------
+    Warning
+    """
+    taxels = patch.taxels
+    halfway = [(corners + centre) / 2 for corners, centre in zip(taxels.corners_link, taxels.positions_link)]
+    points = np.concatenate((taxels.positions_link, *halfway))
+    cell = np.concatenate((np.arange(len(halfway)), np.repeat(np.arange(len(halfway)), list(map(len, halfway)))))
+    normals = taxels.normals_link[cell]
+    below = mesh.face_normals[distance_to(mesh)(points - patch.offset * normals)[1]]
+    below = below * np.where((below * normals).sum(axis=1) < 0, -1.0, 1.0)[:, None]  # winding is not trusted
+    sums = np.column_stack([np.bincount(cell, x, len(halfway)) for x in below.T])
+    angles = np.arccos(np.clip((unit(sums) * taxels.normals_link).sum(axis=1), -1.0, 1.0))
+    which = np.flatnonzero(angles > MAX_ANGLE)
+    if len(which):
+        place, worst = _place(patch, which, angles)
+        yield Warning(
+            "oblique",
+            "warning",
+            f"{len(which)} of {len(angles)} normals of {patch.name} are more than {np.rad2deg(MAX_ANGLE):.0f} degrees "
+            f"from the faces below, the most that of {place.taxels[0]} by {np.rad2deg(worst):.1f} degrees.",
+            place,
+            worst,
+            "Move the skin away from the step or ridge there, or use more lines.",
+        )
 
 
 def overlap_words(closure: Closure) -> str:

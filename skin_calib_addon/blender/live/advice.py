@@ -156,6 +156,7 @@ ACTIONS: dict[str, tuple[Action, ...] | str] = {
     "over-hole": (TRIM,),
     "board-gap": (PAINT,),
     "board-overhang": (PAINT,),
+    "oblique": "where the skin goes instead is a decision of the author; it has a handle",
     "strain": "where the sheet goes instead is a decision of the author; it has a handle",
     "skins-overlap": "which of the two skins moves is a decision of the author; both have handles",
     "no-uncertainty": "it follows from strain or a fold, which have their own warnings",

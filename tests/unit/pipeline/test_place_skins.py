@@ -1,5 +1,7 @@
 """Placement of the skins of a plan on the surface of a link."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -13,6 +15,7 @@ from skin_calib_addon.plan import Plan
 from skin_calib_addon.plan.document import skins_from
 from skin_calib_addon.plan.plan import Surface
 from skin_calib_addon.runtime import load
+from skin_calib_addon.skin.warnings import normal_warnings
 from tests.shapes import Z_AXIS, cylinder
 
 RADIUS = 0.05
@@ -116,3 +119,24 @@ def test_overlapping_channels_are_an_error(tmp_path):
         InvalidPlan, match=r"Skins 'boards' and 'band' both have channel \d+\. Change the first channel"
     ):
         made([BOARDS | {"first_channel": 0}, SHEET | {"first_channel": 20}], tmp_path)
+
+
+def test_normals_that_are_oblique_to_the_faces_below_are_named(tmp_path):
+    """A ridge of 40 degrees on the mesh, which the surface does not follow; inverted faces change nothing."""
+    tube = cylinder(RADIUS, 0.2, 96, 60)
+    x, y, z = tube.vertices.T
+    out = 1 + np.clip(np.deg2rad(40) * (0.008 - np.abs(z - 0.05)), 0, None) * (np.abs(np.arctan2(y, x)) < 0.5) / RADIUS
+    ridge = replace(tube, vertices=np.column_stack((out * x, out * y, z)))
+    surface = Surface(CoverSpec(), TubeGrid(4, 12, Z_AXIS, 1e-3))
+    sheet = SHEET | {"rows": 6, "columns": 5, "pitch": [0.006, 0.006]}
+    plan = Plan("tube", tmp_path / "tube.stl", "m", (surface,), skins_from([sheet]))
+    patch = calibrate(plan, tube).calibration.patches[0]
+    assert not list(normal_warnings(patch, tube))
+    for mesh in (ridge, replace(ridge, faces=ridge.faces[:, ::-1])):
+        (found,) = normal_warnings(patch, mesh)
+        height = patch.taxels.positions_link[[patch.taxels.ids.index(name) for name in found.where.taxels], 2]
+        assert found.code == "oblique" and found.where.skin == "band" and len(height) >= 5
+        assert (np.abs(height - 0.05) < 0.011).all() and np.deg2rad(15) < found.value < np.deg2rad(60)
+        assert f"{len(height)} of 30 normals of band are more than 15 degrees" in found.message
+    (found,) = (w for w in calibrate(plan, ridge).warnings if w.code == "oblique")
+    assert found.where.taxels
