@@ -124,6 +124,8 @@ class Propose(OverLinks):
         plan = replace(plan, link=settings.link)  # it can have got another name
         plans.check_numbers(plan, metres_per_unit(context.scene))
         plans.write_plan(link, context.scene, plan)
+        for words in proposal.warnings:
+            self.report({"WARNING"}, f"{link.name}: {words}")
         settings.proposed = proposal.taxels
         settings.proposed_area = f"{proposal.cells * 1e4:.0f} of {proposal.free * 1e4:.0f} cm^2"
         settings.result.key = ""  # a fit of an earlier plan is not drawn

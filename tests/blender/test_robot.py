@@ -313,6 +313,21 @@ def test_proposal_of_a_single_mesh_has_the_plan_of_the_command_line(bpy, documen
     assert document(bpy.context.object) == shown
 
 
+def test_proposal_next_to_a_link_that_cannot_be_read_says_so(bpy, tmp_path, capfd):
+    """As a warning of the operator, and among the reasons in the panel."""
+    written(subdivided(welded(trimesh.creation.cylinder(0.03, 0.12, sections=48))), tmp_path / "tube.ply")
+    links = "".join(f'<link name="{name}">{shape(name + ".ply")}</link>' for name in ("tube", "lost"))
+    joint = JOINT.format(parent="tube", child="lost", xyz="0 0 0.5", rpy="0 0 0")
+    (tmp_path / "bot.urdf").write_text(f'<robot name="bot">{links}{joint}</robot>')
+    bpy.ops.skin_calib.import_robot(filepath=str(tmp_path / "bot.urdf"))
+    bpy.context.scene.skin_calib.skin = SKIN
+    capfd.readouterr()
+    assert bpy.ops.skin_calib.propose() == {"FINISHED"}
+    words = "What lost covers is not known: the mesh file lost.ply of bot.urdf was not found."
+    assert f"Warning: tube: {words}" in capfd.readouterr().out
+    assert words in " ".join(draw(bpy, "reasons"))
+
+
 def test_link_that_is_renamed_during_a_proposal_keeps_its_name(bpy, link, extension, monkeypatch):
     """The surfaces and skins are those of the proposal; its fit is of a plan with another name, so it is outdated."""
     work, settings = modules(extension, "live.background").background.Work, link.skin_calib
