@@ -8,7 +8,7 @@ obstacle that comes near without contact; and something hot. The controller know
 readings of force, proximity and temperature.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -476,8 +476,8 @@ class View(Camera):
             self.frames.append(Image.fromarray(self.renderer.render()))
 
 
-def draw(results: dict[tuple[str, str], list[Result]], path) -> None:
-    """Draw the runs with seed 0, as figures 15, 20 and 23 of the thesis."""
+def draw(results: dict[tuple[str, str], list[Result]], path, titles: Mapping[str, str]) -> None:
+    """Draw the runs with seed 0 of the experiments that were made, as figures 15, 20 and 23 of the thesis."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -488,18 +488,25 @@ def draw(results: dict[tuple[str, str], list[Result]], path) -> None:
         ("pain", "virtual", "pressure-driven force [N]", PAIN[0]), ("near", "gap", "distance [m]", None),
         ("near", "hand", "error of the hand [m]", None), ("heat", "heat", "hottest taxel [°C]", HEAT_LIMIT),
     )  # fmt: skip
-    figure, axes = plt.subplots(3, 2, figsize=(9, 9), layout="constrained")
+    variants: dict[str, list[str]] = {}
+    for kind, variant in results:
+        variants.setdefault(kind, []).append(variant)
+    panels = [panel for panel in panels if panel[0] in variants]
+    rows = (len(panels) + 1) // 2
+    figure, axes = plt.subplots(rows, 2, figsize=(9, 3 * rows), squeeze=False, layout="constrained")
     for ax, (kind, column, label, limit) in zip(axes.ravel(), panels):
-        for variant, colour in zip(VARIANTS[kind], ("#c44e52", "#4c72b0", "#dd8452", "#55a868")):
+        for variant, colour in zip(variants[kind], ("#c44e52", "#4c72b0", "#dd8452", "#55a868")):
             result = results[kind, variant][0]
             ax.plot(result["time"], result[column], label=variant, color=colour, lw=1.1)
         if limit is not None:
             ax.axhline(limit, color="grey", lw=0.8, ls="--")
-        ax.set_title(TITLES[kind], fontsize=9)
+        ax.set_title(titles[kind], fontsize=9)
         ax.set_ylabel(label, fontsize=8)
         ax.set_xlabel("time [s]", fontsize=8)
         ax.legend(fontsize=7)
         ax.set_ylim(bottom=20 if kind == "heat" else None)
+    for ax in axes.ravel()[len(panels) :]:
+        ax.remove()
     figure.savefig(path, dpi=110)
 
 
@@ -558,7 +565,7 @@ def main() -> None:
         for kind, variant in kinds
     ]
     report(given, ("experiment", "controller", "thesis", "here"), rows)
-    draw(results, given.out / "arm.png")
+    draw(results, given.out / "arm.png", TITLES)
     if not given.no_animation:
         film(given.out / "arm.gif")
     print(f"diagram and animation in {given.out}")

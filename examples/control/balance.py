@@ -20,6 +20,7 @@ BEAM = """
 <geom class="terrain" type="box" size=".05 .3 .03" pos=".02 0 -.03"/>
 <geom class="terrain" type="plane" pos="0 0 -.06" size="10 10 .1" material="tiles" rgba="1 1 1 1"/>"""
 GROUND = {"full sole": FLAT, "half sole": BEAM}
+LABELS = {"skin": "ZMP by skin", "ankle": "ZMP by ankles", "none": "no feedback"}  # of what feels the ZMP
 SOURCES = ("skin", "ankle")
 TABLE_2 = Gains(dcm=1.5, zmp=0.5, com=1.0)
 DIRECTIONS = 8
@@ -104,22 +105,32 @@ def run(case: Case) -> Result:
 
 
 def draw(results: dict, cases: dict, path) -> None:
-    """Draw the largest pushes by direction, and how far both ZMPs are apart, as figure 42 of the thesis."""
+    """Draw the largest pushes by direction, and how far both ZMPs are apart, as figure 42 of the thesis.
+
+    Parameters
+    ----------
+    results, cases : dict of lists
+        Searches and their cases by the contact and by what feels the ZMP.
+    path : path
+        Of the picture.
+    """
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(9, 3.4), layout="constrained")
-    for k, ground in enumerate(GROUND):
-        ax = figure.add_subplot(1, 3, k + 1, projection="polar")
-        for source, colour in zip(SOURCES, ("#4c72b0", "#c44e52")):
+    grounds, sources = (list(dict.fromkeys(key[k] for key in results)) for k in range(2))
+    colours, columns = ("#4c72b0", "#c44e52", "#55a868"), len(grounds) + 1
+    figure = plt.figure(figsize=(3 * columns, 3.4), layout="constrained")
+    for k, ground in enumerate(grounds):
+        ax = figure.add_subplot(1, columns, k + 1, projection="polar")
+        for source, colour in zip(sources, colours):
             angles = np.array([case.angle for case in cases[ground, source]])
             survived = np.array([result.survived for result in results[ground, source]])
             around = np.unique(angles)
             means = np.array([survived[angles == angle].mean() for angle in around])
             closed = np.append(np.arange(len(around)), 0)
-            ax.plot(around[closed], means[closed], color=colour, label=f"ZMP by {source}")
+            ax.plot(around[closed], means[closed], color=colour, label=LABELS[source])
             ax.plot(angles, survived, ".", color=colour, ms=4)
         ax.set_theta_zero_location("N")
         ax.set_rmax(max(search.survived for searches in results.values() for search in searches) + 1)
@@ -127,12 +138,12 @@ def draw(results: dict, cases: dict, path) -> None:
         ax.tick_params(labelsize=7)
         if k == 0:
             ax.legend(fontsize=7, loc="lower left", bbox_to_anchor=(-0.2, -0.15))
-    ax = figure.add_subplot(1, 3, 3)
-    for ground, style in zip(GROUND, ("-", "--")):
-        for source, colour in zip(SOURCES, ("#4c72b0", "#c44e52")):
+    ax = figure.add_subplot(1, columns, columns)
+    for ground, style in zip(grounds, ("-", "--")):
+        for source, colour in zip(sources, colours):
             apart = np.sort(np.concatenate([result.apart for result in results[ground, source]]))
             ax.plot(
-                1e3 * apart, np.linspace(0, 1, len(apart)), style, color=colour, label=f"{ground}, {source} in loop"
+                1e3 * apart, np.linspace(0, 1, len(apart)), style, color=colour, label=f"{ground}; {LABELS[source]}"
             )
     ax.set_xlabel("ZMP by skin to ZMP by ankles [mm]", fontsize=9)
     ax.set_ylabel("fraction of the cycles", fontsize=9)
@@ -154,7 +165,7 @@ def main() -> None:
         rows.append(
             (
                 ground,
-                {"skin": "skin", "ankle": "ankles"}[source],
+                LABELS[source].removeprefix("ZMP by "),
                 f"{spread([search.survived for search in searches], 1)}, steps of {RESOLUTION:g}",
                 f"{np.nanmean(apart):.1f} / {np.nanpercentile(apart, 95):.1f} / {np.nanmax(apart):.1f}",
                 spread([1e3 * search.moved for search in searches]),

@@ -13,13 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import NOISE, PERIOD, Biped, Faults
-from experiment import arguments, report, run_all, spread, stands_and_steps, whole
+from diagrams import draw_walks
+from experiment import arguments, film_both, report, run_all, spread, stands_and_steps, whole
 from shapes import SOLE_CELLS
 from walker import Walker, forward_steps, walk
 
 STEP, WIDTH = 0.15, 0.18  # [m]
 EARLIEST, LATEST = 1.2, 3.0  # time of a fault [s]
 LATENCY = 0.010  # instead of one cycle [s]
+FILMED = 3  # seed of the figure and the animation; the bus freezes in the first step
 Array = np.ndarray
 
 
@@ -64,7 +66,7 @@ class Result:
     apart: float  # mean distance of the felt ZMP from the true one of the cycle before [m]
 
 
-def run(case: Case, each: Callable[[Biped], None] | None = None) -> Result:
+def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Result:
     """Walk."""
     rng = np.random.default_rng(case.seed)
     since = float(rng.uniform(EARLIEST, LATEST))
@@ -77,7 +79,7 @@ def run(case: Case, each: Callable[[Biped], None] | None = None) -> Result:
         true.append(robot.true_zmp())  # the felt one is of the readings of the cycle before, and there was a step since
         apart.append(float(np.linalg.norm(walker.log.rows[-1]["zmp"] - true[0])))
         if each:
-            each(robot)
+            each(robot, walker)
 
     stands = walk(robot, walker, 3 + 1.3 * case.steps, each=look)
     stopped = np.nan if walker.log.stopped is None else walker.log.stopped - since
@@ -85,8 +87,8 @@ def run(case: Case, each: Callable[[Biped], None] | None = None) -> Result:
 
 
 def main() -> None:
-    """Run all cases and print a table."""
-    parser = arguments(__doc__, has_animation=False)
+    """Run all cases; print a table; draw."""
+    parser = arguments(__doc__)
     parser.add_argument("--steps", type=whole, default=2)
     given = parser.parse_args()
     cases = [Case(*kind, given.steps, seed) for kind in CASES for seed in range(given.seeds)]
@@ -104,6 +106,15 @@ def main() -> None:
     off = "felt ZMP to true ZMP [mm]"
     heads = ("fault", "stands, flags used", f"steps of {given.steps}", "stops stepping after the fault [s]", off)
     report(given, (*heads, "stands, flags ignored", "steps", off), rows)
+    films = {
+        f"frozen bus, flags {'used' if heeds else 'ignored'}": lambda each, heeds=heeds: run(
+            Case("frozen bus", heeds, given.steps, FILMED), each
+        )
+        for heeds in (True, False)
+    }
+    draw_walks(films, given.out / "faults.png")
+    if not given.no_animation:
+        film_both(list(films.values()), given.out / "faults.gif", azimuth=100, distance=1.9, every=2)
 
 
 if __name__ == "__main__":

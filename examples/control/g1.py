@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from balance import TABLE_2, largest_push
+from balance import TABLE_2, draw, largest_push
 from biped import (
     COUNTS,
     FORCE_NOISE,
@@ -78,10 +78,14 @@ class Case:
     seed: int
 
     @property
+    def angle(self) -> float:
+        """Direction of the push from straight ahead [rad]."""
+        return 2 * np.pi * (self.seed % DIRECTIONS) / DIRECTIONS
+
+    @property
     def direction(self) -> Array:
         """Of the push."""
-        angle = 2 * np.pi * (self.seed % DIRECTIONS) / DIRECTIONS
-        return np.array((np.cos(angle), np.sin(angle), 0.0))
+        return np.array((np.cos(self.angle), np.sin(self.angle), 0.0))
 
 
 @dataclass(frozen=True)
@@ -500,7 +504,7 @@ def run(case: Case) -> Result:
 
 
 def main() -> None:
-    """Run all cases and print a table."""
+    """Run all cases; print a table; draw."""
     given = with_g1(arguments(__doc__, has_animation=False)).parse_args()
     folder = given.out / "g1"
     propose(given.urdf, folder)
@@ -518,6 +522,8 @@ def main() -> None:
     distance = "mean / 95 % / maximum [mm]"
     heads = ("ZMP by", "largest push survived [N s]", f"skin to ankles, {distance}", f"skin to truth, {distance}")
     report(given, heads, rows)
+    by_source = {("both feet", s): slice(k * given.seeds, (k + 1) * given.seeds) for k, s in enumerate(SOURCES)}
+    draw(*({key: of[part] for key, part in by_source.items()} for of in (found, cases)), given.out / "g1.png")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from arm import BALL, JOINTS, PROBE_DAMPING, PROBE_MASS, Arm, Case, Result, Robot
+from arm import BALL, JOINTS, PROBE_DAMPING, PROBE_MASS, Arm, Case, Result, Robot, draw
 from arm import run as run_arm
 from biped import TERRAIN_GROUP, mujoco, round_pads
 from experiment import arguments, count, report, run_all, spread
@@ -115,7 +115,7 @@ def run(case: G1Case) -> Result:
 
 
 def main() -> None:
-    """Run all cases and print a table."""
+    """Run all cases; print a table; draw."""
     given = with_g1(arguments(__doc__, has_animation=False), (LINK, HAND)).parse_args()
     folder = given.out / "g1_arm"
     propose(given.urdf, folder, (LINK,))
@@ -123,8 +123,8 @@ def main() -> None:
     cases = [G1Case(*kind, seed, given.urdf, folder) for kind in kinds for seed in range(given.seeds)]
     found = run_all(run, cases, given)
     rows = []
-    for k, (kind, variant) in enumerate(kinds):
-        runs = found[k * given.seeds : (k + 1) * given.seeds]
+    results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
+    for (kind, variant), runs in results.items():
         texts = (
             count(r["force"].max() > 0 for r in runs),
             spread([r["force"].max() for r in runs]),
@@ -133,6 +133,7 @@ def main() -> None:
         )
         rows.append((f"{NAMES[kind]}: {variant}", *texts))
     report(given, ("experiment", "contact", "peak force [N]", "smallest distance [mm]", "hand moves [mm]"), rows)
+    draw(results, given.out / "g1_arm.png", NAMES)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ import numpy as np
 from biped import PERIOD
 from experiment import arguments, count, positive, report, run_all, spread, whole
 from g1 import FEET, G1, Balancer, Senses, propose, with_g1
-from landing import Impact, Judge
+from landing import Impact, Judge, draw
 from walker import Gait, Proximity, descent, quintic
 from zmp_plan import ZmpPlan
 
@@ -133,7 +133,7 @@ def run(case: Case, each: Callable[[G1], None] | None = None) -> tuple[bool, lis
 
 
 def main() -> None:
-    """Run all cases and print a table."""
+    """Run all cases; print a table; draw."""
     parser = with_g1(arguments(__doc__, has_animation=False))
     parser.add_argument("--steps", type=whole, default=4, help="in each run")
     parser.add_argument("--speed", type=positive, default=0.4, help="of landing without proximity [m/s]")
@@ -144,9 +144,9 @@ def main() -> None:
     cases = [Case(given.urdf, folder, kind, given.steps, given.speed, seed) for kind in kinds for seed in seeds]
     found = run_all(run, cases, given)
     hard, soft = (found[k * given.seeds : (k + 1) * given.seeds] for k in range(2))
-    rows = []
+    rows, drawn = [], {}
     for name, runs in (("without", hard), ("with", soft)):
-        impacts = [impact for _, impacts in runs for impact in impacts]
+        drawn["flat ground", name == "with"] = impacts = [impact for _, impacts in runs for impact in impacts]
         texts = (
             spread([getattr(i, kind) for i in impacts], n) for kind, n in (("force", 0), ("speed", 2), ("time", 2))
         )
@@ -158,6 +158,7 @@ def main() -> None:
         f"with proximity the mean is {on.mean() / off.mean():.0%}, the largest {on.max() / off.max():.0%} of that "
         f"without; without, the mean is {off.mean() / weight:.1f} times the weight of {weight:.0f} N"
     )
+    draw(drawn, weight, given.out / "g1_landing.png")
 
 
 if __name__ == "__main__":

@@ -60,7 +60,7 @@ def test_page_without_a_place_for_the_table_stops_before_the_runs(text, problem,
         ("g1", "--urdf {file}", "--urdf: {file} is not an XML file"),
         ("g1", "--urdf {other}", "--urdf: {other} is not the URDF of a G1: it has no link 'left_ankle_roll_link'"),
         ("g1_arm", "--urdf {file}.urdf", "--urdf: cannot read {file}.urdf: No such file"),
-        ("faults", "--no-animation", "unrecognized arguments: --no-animation"),
+        ("rates", "--no-animation", "unrecognized arguments: --no-animation"),
         ("g1", "--no-animation", "unrecognized arguments: --no-animation"),
     ],
 )
