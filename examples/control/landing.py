@@ -178,7 +178,7 @@ def draw(impacts: dict[tuple[str, bool], list[Impact]], weight: float, path) -> 
         ax.set_xticks((0, 1), ("without proximity", "with proximity"))
         ax.set_title(f"{place}, {len(impacts[place, True])} landings")
     axes[0, 0].set_ylabel("impact [N]")
-    axes[0, 0].set_ylim(0, 1.15 * max(impact.force for found in impacts.values() for impact in found))
+    axes[0, 0].set_ylim(0, 1.15 * max((impact.force for found in impacts.values() for impact in found), default=1.0))
     figure.savefig(path, dpi=110)
 
 
