@@ -138,6 +138,7 @@ def verify() -> float | None:
     begin = perf_counter()
     for name, since in list(_changed.items()):
         link = bpy.data.objects.get(name)
+        was_drawn = _drawn(name)
         if link is None or not _is_compared(link):
             unverified.discard(name)
         elif perf_counter() - since < CHECK_DELAY:
@@ -151,8 +152,15 @@ def verify() -> float | None:
             _use_hash(link, _hashes[name].result())
         _hashes.pop(name, None)
         _changed.pop(name)
-        drawing.redraw()
+        if _drawn(name) != was_drawn:
+            drawing.redraw()
     return CHECK_DELAY if _changed else None
+
+
+def _drawn(name: str) -> tuple[bool, bool]:
+    """Return what panels and view show of the comparison of an object."""
+    link = bpy.data.objects.get(name)
+    return name in unverified, link is not None and results.is_current(link)
 
 
 def _hash_of(link: bpy.types.Object) -> Callable[..., str]:
