@@ -30,7 +30,6 @@ OBSTACLE = (
     f'pos="{OBSTACLE_AT[0]} {OBSTACLE_AT[1]} {HEIGHT / 2}"/>'
 )
 OBSTACLE_STEPS = 4  # of a run over the obstacle: the fifth would meet a part of it
-OBSTACLE_RUNS = 5  # for each two seeds: a run has one landing on the obstacle only
 # Height to which a foot is lifted. From 5 cm it meets the obstacle with 0.2 m/s, from 10 cm with 0.34 m/s.
 LIFTS = {"flat": 0.05, "obstacle": 0.1}  # [m]
 IMPACT_TIME = 0.04  # in which an impact is sought [s]
@@ -196,10 +195,9 @@ def main() -> None:
     given = parser.parse_args()
     steps = {"flat": given.steps, "obstacle": OBSTACLE_STEPS}
     kinds = [(ground, proximity) for ground in GROUND for proximity in (False, True)]
-    seeds = {"flat": range(given.seeds), "obstacle": range(given.seeds * OBSTACLE_RUNS // 2)}
-    cases = [Case(*kind, steps[kind[0]], given.speed, seed) for kind in kinds for seed in seeds[kind[0]]]
-    found = iter(run_all(run, cases, given))
-    results = {kind: [next(found) for _ in seeds[kind[0]]] for kind in kinds}
+    cases = [Case(*kind, steps[kind[0]], given.speed, seed) for kind in kinds for seed in range(given.seeds)]
+    found = run_all(run, cases, given)
+    results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
     weight = float(Biped().model.body_subtreemass[0] * 9.81)
     impacts, rows = by_place(results), []
     for (place, proximity), landings in impacts.items():
