@@ -100,8 +100,7 @@ def fit_to_write(context):
     others = link_objects.namesakes(link, context.scene)
     if others:
         warnings.append(f"{others[0]} has the link name of {link.name}, too. Rename one of them.")
-    mesh = replace(result.calibration.mesh, file=plan.mesh.name)
-    return replace(result.calibration, mesh=mesh), warnings
+    return result.calibration_of(plan), warnings
 
 
 def write_plan(context, link, path):

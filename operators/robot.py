@@ -173,7 +173,7 @@ class SKIN_OT_fit_all(OverLinks, OnLinks, bpy.types.Operator):
     doing, did = "Fitting", "Fitted"
 
     def chosen(self, context):
-        planned = robots.planned_links(context)
+        planned = robots.compared_links(context)
         if not planned:
             raise InvalidPlan("No link has a skin. Use Propose All, or add skins to links.")
         links = [link for link in planned if robots.fit_of(link) is None]
@@ -194,7 +194,7 @@ class SKIN_OT_fit_all(OverLinks, OnLinks, bpy.types.Operator):
 
 def links_to_write(context):
     """Return the links with a current fit, which are all that have a plan and are not refused."""
-    planned = robots.planned_links(context)
+    planned = robots.compared_links(context)
     waiting = [link.name for link in planned if robots.fit_of(link) is None and not updates.is_refused(link)]
     if waiting:
         raise OutputError(f"{listed(waiting)}: not fitted since the last change. Press Fit All first.")

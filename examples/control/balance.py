@@ -147,7 +147,7 @@ def draw(results: dict, cases: dict, path) -> None:
             )
     ax.set_xlabel("ZMP by skin to ZMP by ankles [mm]", fontsize=9)
     ax.set_ylabel("fraction of the cycles", fontsize=9)
-    ax.set_xlim(0, 12)
+    ax.set_xlim(left=0)
     ax.legend(fontsize=7)
     figure.savefig(path, dpi=110)
 

@@ -71,6 +71,16 @@ class Calibrated:
         """Return the warnings of the fit and of all skins, which the calibration keeps."""
         return self.calibration.warnings
 
+    def calibration_of(self, plan: Plan) -> LinkCalibration:
+        """Return the calibration with the name of the mesh file of a plan, which can differ from that of the fit.
+
+        Parameters
+        ----------
+        plan : Plan
+            That of the fit, or with another mesh file of the same content.
+        """
+        return replace(self.calibration, mesh=replace(self.calibration.mesh, file=plan.mesh.name))
+
 
 @one_blas_thread()
 def calibrate(

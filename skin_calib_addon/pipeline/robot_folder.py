@@ -40,8 +40,7 @@ def save_link(result: Calibrated, plan: Plan, path: Path) -> Path:
     folder = path.parent
     calibration = folder / f"{path.name.removesuffix('.json').removesuffix('.plan')}.calibration.json"
     source = source_of(path, plan, folder)
-    mesh = replace(result.calibration.mesh, file=plan.mesh.name)
-    save_calibration(replace(result.calibration, mesh=mesh), calibration)
+    save_calibration(result.calibration_of(plan), calibration)
     numbers = {"taxels": result.taxels, "mean": result.mean, "warnings": result.warnings}
     save_source(folder, calibration.name, add_outputs(source, folder, [calibration], **numbers))
     return calibration

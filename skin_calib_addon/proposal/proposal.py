@@ -54,7 +54,13 @@ class Proposal:
         return 0 if self.plan is None else sum(skin.count or 0 for skin in self.plan.skins)
 
     def with_warnings(self, warnings: tuple[str, ...]) -> "Proposal":
-        """Return the proposal with warnings."""
+        """Return the proposal with warnings, which its plan states first; one without a plan as it is.
+
+        Parameters
+        ----------
+        warnings : tuple of str
+            Sentences.
+        """
         if self.plan is None or not warnings:
             return self
         reasons = (*warnings, *self.reasons)

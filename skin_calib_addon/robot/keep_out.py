@@ -73,11 +73,10 @@ class KeepOut:
             raise UnknownLink(f"{self.robot.file} has no link {show(link)}{did_you_mean(link, self.robot.links)}")
         balls = np.asarray(points, float) + self.radius * np.asarray(normals, float)
         covered = np.zeros(len(balls), bool)
-        for other, path in ((link, ()), *paths_from(self.robot, link)):
-            for parts in (self.shapes,) if other == link else (self.meshes, self.shapes):
-                if other in parts:
-                    free = np.flatnonzero(~covered)
-                    covered[free] = _Motion(path, self._field(parts[other]), self.radius).is_met(balls[free])
+        for mesh, path in self._around(link):
+            if mesh is not self.meshes.get(link):
+                free = np.flatnonzero(~covered)
+                covered[free] = _Motion(path, self._field(mesh), self.radius).is_met(balls[free])
         group = self.with_fixed(link)
         if group is not None and group is not self.meshes.get(link):
             distance = point_distance(group)
@@ -99,13 +98,19 @@ class KeepOut:
             In the frame of the link [m]; its own mesh if there is nothing else, None without any.
         """
         found = []
-        for other, path in ((link, ()), *paths_from(self.robot, link)):
+        for mesh, path in self._around(link):
             if not any(_turn(joint, 1) for joint, _ in path):
-                pose = _pose(path)
-                for mesh in (parts[other] for parts in (self.meshes, self.shapes) if other in parts):
-                    found.append(((mesh.vertices - pose[:3, 3]) @ pose[:3, :3], mesh.faces))
+                pose = np.eye(4)  # of the link in the frame of the other one
+                for leg in path:
+                    pose = _step(*leg) @ pose
+                found.append(((mesh.vertices - pose[:3, 3]) @ pose[:3, :3], mesh.faces))
         own = self.meshes.get(link)
         return own if len(found) == (own is not None) else TriangleMesh(*stacked(found))
+
+    def _around(self, link: str) -> Iterator[tuple[TriangleMesh, tuple[Leg, ...]]]:
+        """Yield the meshes and shapes of a link and of those around it, each with the path to its frame."""
+        for other, path in ((link, ()), *paths_from(self.robot, link)):
+            yield from ((parts[other], path) for parts in (self.meshes, self.shapes) if other in parts)
 
     def _field(self, mesh: TriangleMesh) -> DistanceField:
         if mesh not in self.fields:
@@ -219,13 +224,13 @@ class _Motion:
         self.poses, self.turns = [np.eye(4)], []
         for joint, to_child in path:
             if to_child:
-                self.poses[-1] = np.linalg.inv(joint_pose(joint)) @ self.poses[-1]
+                self.poses[-1] = _step(joint, to_child) @ self.poses[-1]
             turn = _turn(joint, -1 if to_child else 1)
             if turn:
                 self.turns.append(turn)
                 self.poses.append(np.eye(4))
             if not to_child:
-                self.poses[-1] = joint_pose(joint) @ self.poses[-1]
+                self.poses[-1] = _step(joint, to_child) @ self.poses[-1]
         # A ball around all that the other link and the turns after each pose can occupy.
         self.balls = [(field.centre, field.radius + radius)]
         for turn, pose in zip(self.turns[::-1], self.poses[:0:-1]):
@@ -288,13 +293,10 @@ class _Motion:
         return met
 
 
-def _pose(path: tuple[Leg, ...]) -> Array:
-    """Return the pose (4, 4) of a link in the frame of the one at the end of a path, with all joints at zero."""
-    pose = np.eye(4)
-    for joint, to_child in path:
-        step = joint_pose(joint)
-        pose = (np.linalg.inv(step) if to_child else step) @ pose
-    return pose
+def _step(joint: Joint, to_child: bool) -> Array:
+    """Return the pose (4, 4) of one link of a joint at zero in the frame of the other one, which comes next."""
+    pose = joint_pose(joint)
+    return np.linalg.inv(pose) if to_child else pose
 
 
 def _turn(joint: Joint, sign: int) -> _Turn | None:

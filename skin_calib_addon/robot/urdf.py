@@ -18,7 +18,8 @@ MAX_NODES_PER_LINK = 100_000  # XML elements. Larger: more memory for a maliciou
 # [m, 1] largest number of an origin or a scale. Larger: lengths lose digits, and meet fewer of the limits of programs
 MAX_NUMBER = 1e6
 ONE_AXIS = ("revolute", "continuous", "prismatic")  # Format: types of joints that move by one number
-SHAPES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}  # Format: and their attributes
+# Format: shapes that are not meshes, their attributes, and how many numbers each has.
+SHAPES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}}
 JOINT_TYPES = (*ONE_AXIS, "fixed", "floating", "planar")  # Format
 
 Triple = tuple[float, float, float]
@@ -201,8 +202,9 @@ def _shapes(link: Node) -> list[LinkShape]:
     """Return the visual shapes of a link that are not meshes."""
     found = []
     for part, shape in _geometries(link, ("visual",), SHAPES):
-        size = tuple(number for name in SHAPES[shape.tag] for number in _numbers(shape, name, ""))
-        if len(size) != {"box": 3, "cylinder": 2, "sphere": 1}[shape.tag] or min(size) < 0:
+        sizes = {name: _numbers(shape, name, "") for name in SHAPES[shape.tag]}
+        size = sum(sizes.values(), ())
+        if {name: len(numbers) for name, numbers in sizes.items()} != SHAPES[shape.tag] or min(size) < 0:
             raise XmlError("number", shape.line, f"has a {shape.tag} without the sizes that it needs")
         position, angles = (_triple(_origin(part), name, "0 0 0") for name in ("xyz", "rpy"))
         if min(size) > 0:  # some files have shapes without size

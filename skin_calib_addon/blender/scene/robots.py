@@ -112,8 +112,11 @@ def urdf_of(link: bpy.types.Object) -> Path | None:
     return Path(bpy.path.abspath(urdf, library=link.library)) if urdf else None
 
 
-def planned_links(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Return the links that have a skin, after their plans and meshes were compared with those of their fits."""
+def compared_links(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Compare plans and meshes of the links that have a skin with those of their fits, and return these links.
+
+    Results of another plan or mesh become outdated. All meshes of links with a current fit are read and hashed.
+    """
     planned = [link for link in links(context) if link.skin_calib.skins]
     for link in planned:
         try:
