@@ -14,6 +14,7 @@ from ...common.file_hash import file_hash
 from ...common.warnings import Warning
 from ...geometry import SurfaceFit, cut_cover, fit_grid, fit_surface
 from ...geometry.grid.grids import Grid, Size
+from ...geometry.mesh.clustering import coarse_cover
 from ...geometry.mesh.outliers import without_outliers
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline.place_skins import Draft, PlacedSkin, place_all
@@ -123,10 +124,7 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     draft = Draft(cache.placed, *judged)
 
     def placed_on(coarse: bool, moving: set[str]) -> tuple[dict[str, SurfaceFit], tuple[PlacedSkin, ...], bool]:
-        found = {
-            surface.name: _fit(cache, covers[surface.name], plan, surface, coarse, surface.name in moving)
-            for surface in plan.surfaces
-        }
+        found = {s.name: _fit(cache, mesh, plan, s, coarse, s.name in moving) for s in plan.surfaces}
         fits = {name: fit for name, (fit, _) in found.items()}
         placed = cache.step("placed", (fits, (skins, judged)), _same_fits, lambda: place_all(plan, fits, draft))
         return fits, placed, coarse or any(moved for _, moved in found.values())
@@ -135,10 +133,7 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     planes = max((size.n for size in sizes if isinstance(size, Size)), default=0)
     coarse = len(mesh.faces) > MAX_EXACT_FACES or planes > MAX_EXACT_PLANES
     try:
-        covers_before = {surface.name: cache.steps.get(f"cover {surface.name}") for surface in plan.surfaces}
-        covers = {surface.name: _cover(cache, mesh, plan, surface) for surface in plan.surfaces}
-        # The same mesh with other cuts. Another mesh may have another axis.
-        moving = {k for k, b in covers_before.items() if b and b[0][0] is mesh and b[1] is not covers[k]}
+        moving = {surface.name for surface in plan.surfaces if _cuts_move(cache, mesh, surface)}
         try:
             fits, placed, coarse = placed_on(coarse, moving)
         except SkinCalibError:
@@ -176,41 +171,44 @@ def placed_at_once(skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
     return tuple(kept)
 
 
-def _cover(cache: StepCache, mesh: TriangleMesh, plan: Plan, surface: Surface) -> TriangleMesh:
-    """Return the cover of one surface of a plan, from the cache where nothing has changed."""
-    with naming_surface(plan, surface.name):
-        cover: TriangleMesh = cache.step(
-            f"cover {surface.name}", (mesh, surface.cover), _equal, lambda: cut_cover(mesh, surface.cover)
-        )
-    return cover
+def _cuts_move(cache: StepCache, mesh: TriangleMesh, surface: Surface) -> bool:
+    """Return whether other cuts than in the last preview are applied to the same mesh, and the lines can follow them.
+
+    Another mesh may have another axis.
+    """
+    last = cache.steps.get(f"fit {surface.name}")
+    is_followed = isinstance(surface.grid, Grid) and isinstance(surface.grid.size, Size)
+    if last is None or not is_followed:
+        return False
+    (of, cover, *_), _ = last
+    return of is mesh and cover.shell == surface.cover.shell and cover.cuts != surface.cover.cuts
 
 
 def _fit(
-    cache: StepCache, cover: TriangleMesh, plan: Plan, surface: Surface, coarse: bool, is_moving: bool
+    cache: StepCache, mesh: TriangleMesh, plan: Plan, surface: Surface, coarse: bool, is_moving: bool
 ) -> tuple[SurfaceFit, bool]:
     """Return the fit of one surface of a plan, from the cache where nothing has changed, and whether its lines moved.
 
-    While cuts move, the lines of the last fit move with them, if the rest is the same.
+    While cuts move, the lines of the last fit move with them, on a coarse mesh, if the rest is the same.
     """
     settings = surface.grid, surface.degree, surface.chords, surface.max_deviation, coarse
     step = f"fit {surface.name}"
     given_before, before = cache.steps.get(step, (None, None))
-    is_moved = (
-        is_moving
-        and isinstance(surface.grid, Grid)
-        and given_before is not None
-        and given_before[1:-1] == settings
-        and isinstance(surface.grid.size, Size)
-    )
+    is_moved = is_moving and given_before is not None and given_before[2:-1] == settings
+
+    def exact_cover() -> TriangleMesh:
+        return cut_cover(mesh, surface.cover)
 
     def fitted() -> SurfaceFit:
         if not is_moved:
+            cover = cache.step(f"cover {surface.name}", (mesh, surface.cover), _equal, exact_cover)
             return fit_grid(cover, *settings)
+        cover = coarse_cover(mesh, surface.cover)
         lines = surface.grid.moved_lines(before.lines, without_outliers(cover)[0])
         return fit_surface(cover, lines, *settings[1:])
 
     with naming_surface(plan, surface.name):
-        fit: SurfaceFit = cache.step(step, (cover, *settings, is_moved), _equal, fitted)
+        fit: SurfaceFit = cache.step(step, (mesh, surface.cover, *settings, is_moved), _equal, fitted)
     return fit, is_moved
 
 

@@ -7,9 +7,9 @@ from functools import lru_cache
 import numpy as np
 
 from ...common.arrays import Array, unit
-from ...common.errors import InvalidMesh, InvalidPlan
+from ...common.errors import InvalidPlan
 from ...geometry.grid.grids import check_order
-from ...geometry.mesh.cover import is_outer, kept_side, one_side, outer_shells, seen_faces
+from ...geometry.mesh.cover import CoverSpec, Cut, are_outer, cut_cover, one_side, seen_faces, shells_after
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...geometry.mesh.visibility import visibility
 from ...geometry.sampling.planes import Planes, perpendicular
@@ -75,47 +75,54 @@ def _check_order(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPl
 def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> TriangleMesh:
     """Return the mesh without the cut parts and those that are not outside; draw the removed parts."""
     valid = [i for i in range(len(planes.points["CUT"])) if ("CUT", i) not in sketch.wrong]
-    cuts = tuple((*planes.points["CUT"][i].tolist(), *unit(planes.normals["CUT"][i]).tolist()) for i in valid)
-    cover = _cover(mesh, cuts, planes.shell)
-    _draw(sketch, "CUT", cover.seen, planes, "removes nothing")
-    for k in cover.complete:
+    cuts = [Cut(_triple(planes.points["CUT"][i]), _triple(unit(planes.normals["CUT"][i]))) for i in valid]
+    removed, complete = _removed(mesh, CoverSpec(planes.shell, tuple(cuts)))
+    _draw(sketch, "CUT", _seen(mesh, planes.shell), planes, "removes nothing")
+    for k in complete:
         sketch.wrong["CUT", valid[k]] = "removes the complete mesh. Flip its normal"
-    if len(cover.removed):
-        colours = np.tile(np.float32(REMOVED), (len(cover.removed), 1))
-        sketch.layers.append(Layer("PLANES", cover.removed, colours))
-    return cover.mesh
+    if len(removed):
+        sketch.layers.append(Layer("PLANES", removed, np.tile(np.float32(REMOVED), (len(removed), 1))))
+    if not len(planes.points["U"]) and not len(planes.points["V"]):
+        return mesh  # nothing is drawn on the cover
+    left = tuple(cut for k, cut in enumerate(cuts) if k not in complete)
+    return cut_cover(_seen(mesh, planes.shell), CoverSpec("outer" if planes.shell == "outer" else "all", left))
 
 
-@dataclass(frozen=True, eq=False)
-class _Cover:
-    """What cuts and the choice of shells leave of a mesh."""
-
-    seen: TriangleMesh  # what the cuts are applied to
-    mesh: TriangleMesh
-    removed: Array  # (3 t, 3) corners of the removed triangles, float32 [m]
-    complete: tuple[int, ...]  # the cuts that would remove the complete mesh
+def _seen(mesh: TriangleMesh, shell: str) -> TriangleMesh:
+    """Return what cuts are applied to."""
+    return seen_faces(mesh) if shell == "seen" and visibility(mesh).seen.any() else mesh
 
 
-@lru_cache(maxsize=4)  # while other planes move, the cover is the same
-def _cover(mesh: TriangleMesh, cuts: tuple[tuple[float, ...], ...], shell: str) -> _Cover:
-    removed, complete = [np.empty((0, 3, 3))], []
-    if shell == "seen" and visibility(mesh).seen.any():
+@lru_cache(maxsize=4)  # while other planes move, the removed parts are the same
+def _removed(mesh: TriangleMesh, spec: CoverSpec) -> tuple[Array, tuple[int, ...]]:
+    """Return the corners of the removed triangles (3 t, 3), float32 [m], and the cuts that would remove everything.
+
+    Parts of faces are not welded: it would take longer than all else.
+    """
+    removed, complete, planes = [np.empty((0, 3, 3))], [], []
+    seen = _seen(mesh, spec.shell)
+    if seen is not mesh:
         removed.append(mesh.triangles[~visibility(mesh).seen])
-        mesh = seen_faces(mesh)
-    seen = mesh
-    for k, numbers in enumerate(cuts):
-        try:
-            kept = kept_side(mesh, numbers[:3], numbers[3:])
-        except InvalidMesh:
+    kept, of = seen, np.arange(len(seen.faces))
+    for k, cut in enumerate(spec.cuts):
+        point, normal = np.array(cut.point), np.array(cut.normal)
+        vertices, faces, parts = one_side(kept, point, normal)
+        if not len(faces):
             complete.append(k)
             continue
-        vertices, faces = one_side(mesh, np.array(numbers[:3]), -np.array(numbers[3:]))
-        removed.append(vertices[faces])
-        mesh = kept
-    if shell == "outer":
-        removed.append(mesh.triangles[~is_outer(mesh)])
-        mesh = outer_shells(mesh)
-    return _Cover(seen, mesh, np.concatenate(removed).reshape(-1, 3).astype(np.float32), tuple(complete))
+        corners, others, _ = one_side(kept, point, -normal)
+        removed.append(corners[others])
+        planes.append((point, normal))
+        kept, of = TriangleMesh(vertices, faces), of[parts]
+    if spec.shell == "outer":
+        shell = np.unique(shells_after(mesh, planes)[of], return_inverse=True)[1]
+        removed.append(kept.triangles[~are_outer(kept, shell)])
+    return np.concatenate(removed).reshape(-1, 3).astype(np.float32), tuple(complete)
+
+
+def _triple(vector: Array) -> tuple[float, float, float]:
+    x, y, z = vector.tolist()
+    return x, y, z
 
 
 def _sections(mesh: TriangleMesh, points: Array, normals: Array) -> list[Array]:

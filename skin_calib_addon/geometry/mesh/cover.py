@@ -1,5 +1,6 @@
 """From a link's mesh to its cover: keep what is outside, and cut it with planes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -85,6 +86,7 @@ def cut_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
     return outer_shells(mesh) if spec.shell == "outer" else mesh
 
 
+@lru_cache(maxsize=1)  # as visibility
 def seen_faces(mesh: TriangleMesh) -> TriangleMesh:
     """Return the faces of all shells that can be seen from outside.
 
@@ -121,10 +123,10 @@ def kept_side(mesh: TriangleMesh, point: tuple[float, ...], normal: tuple[float,
     InvalidMesh
         If it is empty.
     """
-    return weld(*one_side(mesh, np.array(point), np.array(normal)))
+    return weld(*one_side(mesh, np.array(point), np.array(normal))[:2])
 
 
-def one_side(mesh: TriangleMesh, point: Array, normal: Array) -> tuple[Array, IntArray]:
+def one_side(mesh: TriangleMesh, point: Array, normal: Array) -> tuple[Array, IntArray, IntArray]:
     """Return the part of a mesh on the side of a plane to which its normal points; it may be empty.
 
     Parameters
@@ -141,10 +143,11 @@ def one_side(mesh: TriangleMesh, point: Array, normal: Array) -> tuple[Array, In
     vertices : array, shape (v, 3)
         [m]
     faces : array of int, shape (f, 3)
-        Indices of vertices.
+        Indices of vertices. No face has two equal corners.
+    of : array of int, shape (f,)
+        The face of the mesh that each of them is a part of.
     """
-    heights = (mesh.vertices - point) @ normal
-    heights[np.abs(heights) < ON_PLANE * mesh.size] = 0
+    heights = _heights(mesh, point, normal)
     kept = heights >= 0
     count = kept[mesh.faces].sum(axis=1)
 
@@ -155,14 +158,25 @@ def one_side(mesh: TriangleMesh, point: Array, normal: Array) -> tuple[Array, In
         points = mesh.vertices[start] + part[:, None] * (mesh.vertices[end] - mesh.vertices[start])
         return np.where(heights[end, None] == 0, mesh.vertices[end], points)
 
-    corner, b, c = _from_corner(mesh.faces[count == 1], kept).T
+    whole, one, two = (np.flatnonzero(count == k) for k in (3, 1, 2))
+    corner, b, c = _from_corner(mesh.faces[one], kept).T
     tips = np.stack((mesh.vertices[corner], crossing(corner, b), crossing(corner, c)), axis=1)
-    corner, b, c = _from_corner(mesh.faces[count == 2], ~kept).T
+    has_tip = heights[corner] > 0  # else it touches the plane
+    corner, b, c = _from_corner(mesh.faces[two], ~kept).T
     p, q = crossing(b, corner), crossing(c, corner)
     rest = [np.stack(three, axis=1) for three in ((mesh.vertices[b], mesh.vertices[c], q), (mesh.vertices[b], q, p))]
-    new = np.concatenate((tips, *rest)).reshape(-1, 3)
-    faces = (mesh.faces[count == 3], len(mesh.vertices) + np.arange(len(new)).reshape(-1, 3))
-    return np.concatenate((mesh.vertices, new)), np.concatenate(faces)
+    has_rest = heights[c] > 0, heights[b] > 0
+    new = np.concatenate((tips[has_tip], *(part[k] for part, k in zip(rest, has_rest)))).reshape(-1, 3)
+    faces = (mesh.faces[whole], len(mesh.vertices) + np.arange(len(new)).reshape(-1, 3))
+    of = np.concatenate((whole, one[has_tip], *(two[k] for k in has_rest)))
+    return np.concatenate((mesh.vertices, new)), np.concatenate(faces), of
+
+
+def _heights(mesh: TriangleMesh, point: Array, normal: Array) -> Array:
+    """Return the heights of the vertices above a plane, zero for those on it, shape (v,) [m]."""
+    heights: Array = (mesh.vertices - point) @ normal
+    heights[np.abs(heights) < ON_PLANE * mesh.size] = 0
+    return heights
 
 
 def _from_corner(faces: IntArray, chosen: BoolArray) -> IntArray:
@@ -181,8 +195,20 @@ def outer_shells(mesh: TriangleMesh) -> TriangleMesh:
 @lru_cache(maxsize=4)
 def is_outer(mesh: TriangleMesh) -> BoolArray:
     """Return whether each face belongs to an outer shell, shape (f,), read-only."""
-    shell = shells(mesh)
-    if shell.max() == 0:
+    return are_outer(mesh, shells(mesh))
+
+
+def are_outer(mesh: TriangleMesh, shell: IntArray) -> BoolArray:
+    """Return which faces belong to an outer shell, shape (f,), read-only.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    shell : array of int, shape (f,)
+        Number of the shell of each face.
+    """
+    if (shell == shell[0]).all():
         return locked(np.ones(len(shell), bool))
     largest, *others = np.argsort(-np.bincount(shell, mesh.face_areas), kind="stable")
     kept = shell == largest
@@ -250,15 +276,47 @@ def shells(mesh: TriangleMesh) -> IntArray:
 
     Vertices that differ by the rounding of single precision are the same: some files have other ones in each face.
     """
-    found = components(len(mesh.faces), *mesh.adjacency)
-    if found.max() == 0:
-        return found
+    return components(len(mesh.faces), *_connected(mesh).adjacency)
+
+
+def shells_after(mesh: TriangleMesh, cuts: Sequence[tuple[Array, Array]]) -> IntArray:
+    """Return the number of the shell of each face of a mesh as far as cuts leave it, shape (f,).
+
+    An edge then connects its two faces if the cuts leave a part of it.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh without cuts.
+    cuts : sequence of (point, normal)
+        Points of planes [m], and their normals to the kept side.
+    """
+    mesh = _connected(mesh)
+    first, second = mesh.adjacency
+    start, stop = np.zeros(len(first)), np.ones(len(first))  # of what is left of each edge, from its first vertex
+    for point, normal in cuts:
+        a, b = _heights(mesh, point, normal)[mesh.shared_edges].T
+        with np.errstate(invalid="ignore", divide="ignore"):
+            at = a / (a - b)
+        start = np.where((a < 0) & (b >= 0), np.maximum(start, at), start)
+        stop = np.where((b < 0) & (a >= 0), np.minimum(stop, at), stop)
+        stop[(a < 0) & (b < 0)] = 0.0
+    left = start < stop
+    return components(len(mesh.faces), first[left], second[left])
+
+
+@lru_cache(maxsize=4)
+def _connected(mesh: TriangleMesh) -> TriangleMesh:
+    """Return the mesh with one vertex for all that differ by rounding, if its faces are not connected."""
+    if components(len(mesh.faces), *mesh.adjacency).max() == 0:
+        return mesh
     distance = ROUNDING * float(np.abs(mesh.vertices).max())
     pairs = cKDTree(mesh.vertices).query_pairs(distance, output_type="ndarray")
     if len(pairs) == 0:
-        return found
+        return mesh
     same = components(len(mesh.vertices), *pairs.T)
-    return components(len(mesh.faces), *TriangleMesh(mesh.vertices, same[mesh.faces]).adjacency)
+    chosen = np.unique(same, return_index=True)[1]
+    return TriangleMesh(mesh.vertices, chosen[same][mesh.faces])
 
 
 def convex_hull(points: Array) -> Delaunay | None:

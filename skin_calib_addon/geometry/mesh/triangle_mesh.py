@@ -79,9 +79,18 @@ class TriangleMesh:
         corners = self.triangles
         return cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
-    @cached_property
+    @property
     def adjacency(self) -> tuple[IntArray, IntArray]:
         """Return the pairs of faces with a common edge that belongs to no third face, shape (e,) each."""
+        return self._shared[:2]
+
+    @property
+    def shared_edges(self) -> IntArray:
+        """Return the vertices of the common edge of each pair of :attr:`adjacency`, shape (e, 2)."""
+        return self._shared[2]
+
+    @cached_property
+    def _shared(self) -> tuple[IntArray, IntArray, IntArray]:
         a, b, c = self.corners
         sides = [np.maximum(i, j) * len(self.vertices) + np.minimum(i, j) for i, j in ((a, b), (b, c), (c, a))]
         edges = np.concatenate(sides)  # one number for each edge: it sorts faster than two
@@ -90,7 +99,8 @@ class TriangleMesh:
         same = edges[1:] == edges[:-1]
         pair = same & ~np.append(False, same[:-1]) & ~np.append(same[1:], False)
         first, second = face[:-1][pair], face[1:][pair]
-        return np.minimum(first, second), np.maximum(first, second)
+        ends = np.column_stack(np.divmod(edges[:-1][pair], len(self.vertices)))
+        return np.minimum(first, second), np.maximum(first, second), ends
 
     @cached_property
     def sha256(self) -> str:

@@ -7,8 +7,8 @@ import trimesh
 from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry.mesh import cover
-from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, shells
-from skin_calib_addon.geometry.mesh.triangle_mesh import weld
+from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, shells, shells_after
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, weld
 from tests.shapes import RADIUS, Motion, box, cylinder, keep, same_mesh, shuffled, together, welded, wrist
 
 INNER = box((-0.01, -0.01, 0.03), (0.01, 0.01, 0.07))  # a servo inside the tube
@@ -140,7 +140,7 @@ def test_shells_are_kept_by_their_area_inside_not_by_their_faces(divided):
     }
     for height in cuts[divided]:
         halves = [one_side(inner, np.array((0, 0, height)), np.array((0, 0, sign))) for sign in (1.0, -1.0)]
-        inner = together(*(weld(*half) for half in halves))
+        inner = together(*(weld(*half[:2]) for half in halves))
     cover = cut_cover(together(box((0, 0, 0), (0.1, 0.1, 0.046)), inner), CoverSpec())
     assert np.ptp(cover.vertices[:, 2]) == pytest.approx(0.046)
 
@@ -185,7 +185,7 @@ def test_cut_leaves_a_part_in_one_piece(seed):
     mesh = weld(wrist().vertices @ Motion(seed, 1.0).rotation.T, wrist().faces)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     point, normal = low + (high - low) * rng.uniform(0.3, 0.7, 3), unit(rng.normal(size=3))
-    halves = [weld(*one_side(mesh, point, sign * normal)) for sign in (1.0, -1.0)]
+    halves = [weld(*one_side(mesh, point, sign * normal)[:2]) for sign in (1.0, -1.0)]
     assert [shells(half).max() for half in halves] == [0, 0]
     assert sum(half.face_areas.sum() for half in halves) == pytest.approx(mesh.face_areas.sum(), rel=1e-12)
     assert shells(together(*halves)).max() == 0  # both halves have the same points at the cut
@@ -193,16 +193,36 @@ def test_cut_leaves_a_part_in_one_piece(seed):
     assert len(kept.faces) == len(halves[0].faces)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_shells_after_cuts_are_those_of_the_cut_mesh(seed):
+    """A slab of a pile of parts, two of which fall apart: the same parts without welding."""
+    rng = np.random.default_rng(seed)
+    ring = keep(cylinder(), lambda c: np.abs(c[:, 2] - 0.05) < 0.03)
+    mesh = together(ring, INNER, NEAR, box((-0.02, -0.05, 0.045), (0.02, 0.05, 0.055)))
+    across = unit(rng.normal(size=3) * (1, 1, 0.1))
+    planes = [((0, 0, 0.05) - sign * 0.02 * across, sign * across) for sign in (1, -1)]
+    kept, of = mesh, np.arange(len(mesh.faces))
+    for point, normal in planes:
+        vertices, faces, parts = one_side(kept, point, normal)
+        kept, of = TriangleMesh(vertices, faces), of[parts]
+    # Cuts at the height of vertices leave no face without area.
+    assert kept.face_areas.min() > 0
+    shell, exact = shells_after(mesh, planes)[of], weld(kept.vertices, kept.faces)
+    areas = np.bincount(np.unique(shell, return_inverse=True)[1], kept.face_areas)
+    np.testing.assert_allclose(np.sort(areas), np.sort(np.bincount(shells(exact), exact.face_areas)), rtol=1e-9)
+    assert len(areas) > 1
+
+
 def test_cut_through_vertices_keeps_them():
     """A vertex on the plane is a vertex of the rim, to the bit, and no face becomes a line."""
     mesh = cylinder()
     height = np.unique(mesh.vertices[:, 2])[7]
     expected = mesh.faces[mesh.triangles[:, :, 2].min(axis=1) >= height]
-    half = weld(*one_side(mesh, np.array((0, 0, height)), np.array((0.0, 0, 1))))
+    half = weld(*one_side(mesh, np.array((0, 0, height)), np.array((0.0, 0, 1)))[:2])
     assert same_mesh(half, weld(mesh.vertices, expected))
     motion = Motion(4)  # rounding moves the vertices off the plane
     point, normal = motion.points(np.array((0.01, 0.02, height))), motion.rotation @ np.array((0.0, 0, 1))
-    half = weld(*one_side(motion.mesh(mesh), point, normal))
+    half = weld(*one_side(motion.mesh(mesh), point, normal)[:2])
     assert len(half.faces) == len(expected) and half.face_areas.min() > 0.9 * mesh.face_areas.min()
 
 
