@@ -9,7 +9,7 @@ from typing import Any
 
 from ..calibration import robot_set
 from ..calibration.file import check_bytes
-from ..common.errors import CalibrationFormatError, OutputError, SkinCalibError
+from ..common.errors import CalibrationFormatError, OutputError, SkinCalibError, counted
 from ..common.file_hash import file_hash
 from ..common.findings import Finding, did_you_mean, error, printable, show, warning
 from ..common.strict_json import parse, read
@@ -77,10 +77,10 @@ def _check_one(path: Path, mesh: Path | None) -> int:
     for finding in findings:
         say(f"{finding}{_taxel(document, finding.pointer)}")
     errors = sum(f.severity == "error" for f in findings)
-    counted = [f"{errors} errors, {len(findings) - errors} warnings", *notes]
+    summary = [f"{counted(errors, 'error')}, {counted(len(findings) - errors, 'warning')}", *notes]
     if len(findings) > MAX_UNCOUNTED:
-        counted.append(", ".join(f"{n} {code}" for code, n in Counter(f.code for f in findings).most_common()))
-    say(f"{path}: {'; '.join(counted)}")
+        summary.append(", ".join(f"{n} {code}" for code, n in Counter(f.code for f in findings).most_common()))
+    say(f"{path}: {'; '.join(summary)}")
     return WRONG_DATA if errors else DONE
 
 

@@ -9,7 +9,7 @@ from ..calibration.exchange import FORMATS, WRITABLE, only_patches
 from ..calibration.file import load_calibration
 from ..calibration.robot_set import FILE, calibrations_of, is_robot, load_robot_set, robot_file
 from ..common.atomic_file import check_writable, make_folder, write_bytes_safely
-from ..common.errors import OutputError, SkinCalibError
+from ..common.errors import OutputError, SkinCalibError, counted
 from ..robot.mjcf import MARK, robot_mjcf
 from ..robot.urdf import read_robot
 from .common import DONE, FIT_WITH_URDF, WRONG_DATA, check_target, complain, listed, say
@@ -74,8 +74,8 @@ def _export_robot(options: argparse.Namespace) -> int:
     known = [calibration for link, calibration in calibrations.items() if link in content.links]
     taxels = sum(len(patch.taxels.ids) for calibration in known for patch in calibration.patches)
     say(
-        f"{options.output}: {robot.robot} with {taxels} taxels on {len(known)} links; "
-        f"{len(model.meshes)} meshes in {mesh_folder.name}; sensors are named LINK/ID"
+        f"{options.output}: {robot.robot} with {counted(taxels, 'taxel')} on {counted(len(known), 'link')}; "
+        f"{len(model.meshes)} mesh files in {mesh_folder.name}; sensors are named LINK/ID"
     )
     if model.uncovered:
         say(f"collision shapes that would hide skin are switched off: {', '.join(model.uncovered)}")

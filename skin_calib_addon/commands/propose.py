@@ -12,9 +12,20 @@ from ..common.errors import InvalidMesh, OutputError, SkinCalibError, UnknownLin
 from ..common.findings import did_you_mean, show
 from ..plan import load_plan, named_from, save_plan
 from ..plan.skins import following_channel
-from ..proposal.links import Fitted, Outcome, Task, groups, numbered, plan_path, propose_group, propose_task, robot_of
+from ..proposal.links import (
+    Fitted,
+    Outcome,
+    Task,
+    groups,
+    numbered,
+    plan_path,
+    propose_group,
+    propose_task,
+    robot_of,
+    unsure_reasons,
+)
 from ..proposal.proposal import Proposal
-from ..proposal.skins import DEFAULT_SKIN, FORMS, parse_skin
+from ..proposal.skins import DEFAULT_SKIN, FORMS, SkinChoice, parse_skin
 from ..robot.link_mesh import is_urdf, links_with_mesh
 from ..robot.urdf import read_robot
 from .common import DONE, WRONG_DATA, complain, count, say
@@ -39,11 +50,19 @@ def add(commands) -> None:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Define the options that ``fit --propose`` has, too."""
-    parser.add_argument("--skin", default=DEFAULT_SKIN, metavar="SKIN", help=f"skin of all links. {FORMS}")
+    parser.add_argument("--skin", type=_skin, default=DEFAULT_SKIN, metavar="SKIN", help=f"skin of all links. {FORMS}")
     parser.add_argument("--only", action="append", metavar="LINK", help="only links with this name, or pattern")
     parser.add_argument("--except", action="append", dest="left_out", metavar="LINK", help="no links with this name")
     parser.add_argument("--unit", choices=("m", "mm"), default="m", help="unit of the numbers of a mesh (default: m)")
     parser.add_argument("--jobs", type=count, default=1, metavar="N", help="number of parallel processes (default: 1)")
+
+
+def _skin(text: str) -> SkinChoice:
+    """Parse the option --skin."""
+    try:
+        return parse_skin(text)
+    except SkinCalibError as problem:
+        raise argparse.ArgumentTypeError(str(problem).rstrip(".")) from problem
 
 
 def run(options: argparse.Namespace) -> int:
@@ -74,7 +93,7 @@ def propose(
     code : int
         Exit code.
     """
-    choice = parse_skin(options.skin)
+    choice = options.skin
     if os.path.lexists(folder) and not os.path.isdir(folder):
         raise OutputError(f"{folder} is not a folder. Choose another name.")
     links = _links(options)
@@ -101,6 +120,7 @@ def propose(
             plans[path] = None
             words = "" if ends[path] is not None else ". Its channels are not known before the fit"
             lines.append((task.link, f"kept: its plan exists; --again replaces it{words}"))
+            lines += [(task.link, f"warning: {reason}") for reason in unsure_reasons(path)]
             continue
         outcome = done[task.link]
         proposal = outcome.proposal
@@ -120,8 +140,11 @@ def propose(
     seen, free, covered, cells = (sum(getattr(p, name) for p in found) for name in ("seen", "free", "covered", "cells"))
     total = f"{counted(len(tasks), 'link')}, {counted(len(plans), 'plan')}"
     if free:
-        total += f"; surfaces with skin cover {covered * 1e4:.0f} cm^2, {covered / free:.0%} of the free area and "
-        total += f"{covered / seen:.0%} of the area that can be seen; cells cover {cells * 1e4:.0f} cm^2"
+        kept_words = "without those kept, " if kept else ""
+        total += (
+            f"; {kept_words}surfaces with skin cover {covered * 1e4:.0f} cm^2, {covered / free:.0%} of the free area "
+        )
+        total += f"and {covered / seen:.0%} of the area that can be seen; cells cover {cells * 1e4:.0f} cm^2"
     say("\n".join((*(f"{link:{width}}  {words}" for link, words in lines), total)))
     return plans, code
 
@@ -189,15 +212,20 @@ def _links(options: argparse.Namespace) -> list[str]:
             f"{robot.file} has no link with a visual mesh. Shapes for collisions, boxes and cylinders carry no skin."
         )
     for pattern in (*(options.only or ()), *(options.left_out or ())):
-        if not any(fnmatchcase(link, pattern) for link in robot.links):
+        if not any(_is_named(link, pattern) for link in robot.links):
             near = did_you_mean(pattern, robot.links)
             raise UnknownLink(f"{robot.file} has no link {show(pattern)}{near}")
     if options.only:
-        links = [link for link in links if any(fnmatchcase(link, pattern) for pattern in options.only)]
-    links = [link for link in links if not any(fnmatchcase(link, pattern) for pattern in options.left_out or ())]
+        links = [link for link in links if any(_is_named(link, pattern) for pattern in options.only)]
+    links = [link for link in links if not any(_is_named(link, pattern) for pattern in options.left_out or ())]
     if not links:
         raise InvalidMesh(f"{robot.file} has no link with a visual mesh that is left. Change --only and --except.")
     return links
+
+
+def _is_named(link: str, pattern: str) -> bool:
+    """Return whether a link has this name, or one of this pattern; names can have the characters of patterns."""
+    return link == pattern or fnmatchcase(link, pattern)
 
 
 def _outcomes(tasks: Sequence[Task], processes: int) -> Iterator[Outcome]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from ..calibration.file import load_with_warnings
 from ..calibration.model import LinkCalibration
 from ..calibration.robot_set import FILE, RobotSet, calibrations_of, is_robot, load_robot_set, robot_file
+from ..common.errors import counted
 from ..common.findings import show
 from ..pipeline.report import area_table, covered_area, robot_table, seen_area, table
 from ..robot.kinematics import link_poses
@@ -85,6 +86,7 @@ def _draw_robot(robot: RobotSet, folder: Path, calibrations: Mapping[str, LinkCa
     covered = {link: covered_area(calibration) for link, calibration in known.items()}
     say(area_table({link: (covered.get(link, 0.0), seen_area(mesh)) for link, mesh in meshes.items()}))
     taxels, area = sum(len(p.taxels.ids) for c in known.values() for p in c.patches), sum(covered.values())
-    title = f"{robot.robot}: skin on {len(known)} of {len(content.links)} links, {taxels} taxels, {area * 1e4:.0f} cm²"
+    title = f"{robot.robot}: skin on {len(known)} of {counted(len(content.links), 'link')}, {counted(taxels, 'taxel')}"
+    title += f", {area * 1e4:.0f} cm²"
     draw_robot(meshes, poses, known, title, picture)
     return not problems

@@ -10,7 +10,7 @@ from ..calibration.model import LinkCalibration, Patch, TaxelArray
 from ..calibration.response import AnyResponse, ResponseTable
 from ..calibration.robot_set import RobotSet
 from ..common.arrays import Array
-from ..common.errors import listed, millimetres
+from ..common.errors import counted, listed, millimetres
 from ..common.findings import printable
 from ..common.surface_errors import DistanceStatistics
 from ..common.warnings import to_document
@@ -224,7 +224,8 @@ def robot_table(robot: RobotSet, calibrations: Mapping[str, LinkCalibration]) ->
         rows.append((link.link, link.parent or "", *numbers))
     widths = [max(map(len, column)) for column in zip(*rows)]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in rows)
-    return "\n".join((*lines, f"{robot.robot}: {len(robot.links)} links, {total} taxels, {total_area * 1e4:.0f} cm²"))
+    counts = f"{counted(len(robot.links), 'link')}, {counted(total, 'taxel')}"
+    return "\n".join((*lines, f"{robot.robot}: {counts}, {total_area * 1e4:.0f} cm²"))
 
 
 def covered_area(calibration: LinkCalibration) -> float:

@@ -182,7 +182,10 @@ def unknown_sigma(patch: Patch, fit: SurfaceFit) -> Iterator[Warning]:
     fit : SurfaceFit
         The surface.
     """
-    for reason, unknown in _unknown(patch, fit):
+    reasons = list(_unknown(patch, fit))
+    stated = np.isfinite(patch.taxels.known_sigma).all(axis=1)
+    others = np.any([stated, ~fit.is_trusted(patch.taxels.uv), *(unknown for _, unknown in reasons)], axis=0)
+    for reason, unknown in (*reasons, ("it cannot be computed there", ~others)):
         rows = np.flatnonzero(unknown)
         if len(rows):
             taxels = tuple(patch.taxels.ids[i] for i in rows)

@@ -13,7 +13,7 @@ from ..common.errors import SkinCalibError
 from ..geometry.blas_threads import one_blas_thread
 from ..geometry.mesh.triangle_mesh import TriangleMesh, load_mesh
 from ..pipeline import calibrate
-from ..plan import Plan
+from ..plan import Plan, load_plan
 from ..plan.skins import with_channels
 from ..robot.keep_out import KeepOut, paths_from
 from ..robot.link_mesh import is_urdf, load_urdf_mesh, load_urdf_meshes
@@ -23,6 +23,7 @@ from ..skin.boards.layout import forget_layouts
 from .proposal import Proposal, joint_axes, propose_link, propose_twin
 from .skins import SkinChoice
 
+NOT_KNOWN = "covers is not known"  # Format: part of a reason, by which it is found in a plan
 MAX_NAME_LENGTH = 100  # characters of a link in the name of its file. Larger: file systems may refuse the names.
 
 
@@ -222,10 +223,19 @@ def robot_of(urdf: Path) -> WholeRobot:
 def _not_covering(whole: WholeRobot, link: str) -> tuple[str, ...]:
     """Return a sentence for each link that can cover another one, and whose mesh was not read."""
     return tuple(
-        f"What {other} covers is not known: {whole.unread[other]} Then propose again."
+        f"What {other} {NOT_KNOWN}: {whole.unread[other]} Then propose again."
         for other, _ in paths_from(whole.robot, link)
         if other in whole.unread
     )
+
+
+def unsure_reasons(path: Path) -> list[str]:
+    """Return what a plan states about links that can cover its skin, and whose mesh was not read."""
+    try:
+        reasons = load_plan(path).extra.get("x_proposal")
+    except SkinCalibError:
+        return []  # ``fit`` says what is wrong with the plan
+    return [k for k in reasons if isinstance(k, str) and f" {NOT_KNOWN}: " in k] if isinstance(reasons, list) else []
 
 
 def own_proposal(task: Task, begin: Callable[[str], None]) -> Proposal:

@@ -15,7 +15,7 @@ from ..calibration.model import LinkCalibration
 from ..common.errors import InvalidMesh, SkinCalibError, counted
 from ..common.findings import show
 from ..common.text import NumberError, read_text, real
-from ..geometry.mesh.triangle_mesh import TriangleMesh, read_mesh
+from ..geometry.mesh.triangle_mesh import MAX_MESH_SIZE, TriangleMesh, read_mesh
 from .link_mesh import check_triple, find_file, scaled
 from .urdf import Robot
 
@@ -178,26 +178,26 @@ def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[tuple[str, ...],
     of_skin = np.isin(range(model.nbody), bodies) | np.isin(model.body_parentid, bodies)
     collides = ((model.geom_contype | model.geom_conaffinity) != 0) & ~of_skin[model.geom_bodyid]
     hiding: set[int] = set()
-    covering: Counter[tuple[str, str]] = Counter()  # taxels by their link and by the link of a shape
+    over: list[tuple[int, int, int]] = []  # taxels, their links, and shapes of others above them
     for site in np.flatnonzero(of_skin[model.site_bodyid]).tolist():
         place, skin = data.site_xpos[site], model.site_bodyid[site]
         link = model.body_parentid[skin if skin in bodies else model.body_parentid[skin]]
         data.geom_xpos[probe.id] = place
         is_near = np.linalg.norm(data.geom_xpos - place, axis=1) < model.geom_rbound + MIN_PROTRUSION
-        over: set[tuple[str, str]] = set()
         for geom in np.flatnonzero(collides & is_near).tolist():
-            body = model.geom_bodyid[geom]
             if geom not in hiding and mujoco.mj_geomDistance(model, data, probe.id, geom, MIN_PROTRUSION, None) < 0:
-                if body == link:
+                if model.geom_bodyid[geom] == link:
                     hiding.add(geom)
                 else:
-                    over.add((model.body(link).name, model.body(body).name))
-        covering.update(over)
+                    over.append((site, link, geom))
     for geom in hiding:  # geoms have the same order in both, because the body of the probe is the last
         spec.geoms[geom].contype = spec.geoms[geom].conaffinity = 0
     touching = {tuple(sorted(model.geom_bodyid[contact.geom].tolist())) for contact in data.contact}
     for one, other in sorted(touching):
         spec.add_exclude(bodyname1=model.body(one).name, bodyname2=model.body(other).name)
+    # Only now it is known which shapes are switched off. A taxel below two shapes of one link counts once.
+    below = {(site, link, int(model.geom_bodyid[geom])) for site, link, geom in over if geom not in hiding}
+    covering = Counter((model.body(link).name, model.body(body).name) for _, link, body in sorted(below))
     covered = tuple(
         f"{counted(count, 'taxel')} of {link} {'is' if count == 1 else 'are'} below the collision shape of {other} "
         "in the zero pose: no press is felt there"
@@ -281,6 +281,8 @@ def _with_own_meshes(
                     name, data = made[path, scale]
                 else:
                     content = scaled(read_mesh(path), tuple(map(real, scale.split())), address)
+                    if content.size > MAX_MESH_SIZE:
+                        raise InvalidMesh(f"{address} has a diameter of {content.size:.4g} m. Correct its scale.")
                     name, data = _new_name(path, content, dict(made.values())), _mesh_bytes(content)
                 _check_mesh(name, data, shape.tag == "collision", mujoco)
                 made[path, scale] = name, data

@@ -50,11 +50,12 @@ class TaxelUncertainty:
             \left( \sqrt{\tfrac{1}{2} \operatorname{tr} C},\ \sigma_n,\ \sqrt{\lambda_{\max}(A)} \right) \quad
             [\text{m}, \text{m}, \text{rad}]
         """
-        along = np.sqrt(np.trace(self.along, axis1=1, axis2=2) / 2)
+        # Rounding leaves variances of nearly exact fits below zero.
+        along = np.sqrt(np.maximum(np.trace(self.along, axis1=1, axis2=2) / 2, 0))
         angle = np.full(len(along), np.nan)
         known = np.isfinite(self.angle).all(axis=(1, 2))
         angle[known] = np.sqrt(np.maximum(np.linalg.eigvalsh(self.angle[known])[:, -1], 0))
-        return np.column_stack((along, np.sqrt(self.normal), angle))
+        return np.column_stack((along, np.sqrt(np.maximum(self.normal, 0)), angle))
 
 
 def moved_within(arms: Array, registration: Registration, curvature: float = 0.0) -> Array:

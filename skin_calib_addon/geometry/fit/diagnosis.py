@@ -187,6 +187,11 @@ def nearest_site(samples: RaySamples, uv: Array, closed: bool) -> tuple[int, int
     return round(float(uv[0]) * (k - 1)), round(float(uv[1]) * l) % l if closed else round(float(uv[1]) * (l - 1))
 
 
+def _percent(fraction: float) -> str:
+    """Return a fraction above zero in percent; never "0.0%"."""
+    return f"{fraction:.1%}" if fraction >= 1e-3 else "Less than 0.1%"
+
+
 def off(distance: float, limit: float) -> str:
     """Return a distance [m] as "2.13 mm (limit 2 mm) off", with as many digits as show that it is above the limit."""
     digits = next((d for d in range(1, 6) if float(f"{distance * 1e3:.{d}f}") > limit * 1e3), 6)
@@ -283,7 +288,7 @@ def fit_warnings(
         yield Warning(
             "missing-samples",
             "warning",
-            f"{samples.missing:.1%} of the sample rays do not hit the {what}, most of them {place.words}. "
+            f"{_percent(samples.missing)} of the sample rays do not hit the {what}, most of them {place.words}. "
             "The surface there is extrapolated.",
             place,
             samples.missing,

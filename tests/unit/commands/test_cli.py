@@ -490,7 +490,7 @@ def test_check_reports_a_changed_mesh(folder, capsys):
     for path in (out, folder / "adjacent.json"):
         text = check(path)
         assert f"warning: /mesh/sha256 differs from that of {folder / 'tube.ply'}: the mesh has changed" in text
-        assert text.endswith("0 errors, 1 warnings; 8 taxels on tube; mesh has changed\n")
+        assert text.endswith("0 errors, 1 warning; 8 taxels on tube; mesh has changed\n")
     write_plan(folder, degree=[3, 4])
     assert "warning: the document was made from ../tube.plan.json, which has changed" in check(out)
     (folder / "tube.ply").write_bytes(b"ply")

@@ -92,6 +92,9 @@ def test_link_next_to_one_that_cannot_be_read_says_so(urdf, capsys):
     (urdf.parent / "two.ply").unlink()
     assert main(["propose", str(urdf), "-o", str(urdf.parent / "out"), "--skin", SKIN, "--jobs", "1"]) == 1
     words = "What two covers is not known: the mesh file two.ply of robot.urdf was not found."
-    assert f"one  warning: {words}" in capsys.readouterr().out
+    said = f"one  warning: {words}"
+    assert said in capsys.readouterr().out
+    assert main(["propose", str(urdf), "-o", str(urdf.parent / "out"), "--skin", SKIN]) == 1  # its plan is kept
+    assert said in capsys.readouterr().out
     reasons = load_plan(urdf.parent / "out" / "one.plan.json").extra["x_proposal"]
     assert reasons[0].startswith(words) and reasons[0].endswith("Then propose again.")

@@ -71,7 +71,7 @@ def test_check_is_silent_about_a_good_set(robot, capsys):
     edit(robot, bus=["can0", "can1"])
     code, lines = check(robot, capsys)
     assert code == 0 and [line for line in lines if "duplicate-id" not in line] == [
-        f"{robot / 'out' / 'robot.json'}: 0 errors, 1 warnings"
+        f"{robot / 'out' / 'robot.json'}: 0 errors, 1 warning"
     ]
 
 

@@ -144,6 +144,10 @@ def test_nothing_is_stated_over_a_hole_or_for_a_strained_cell(tmp_path):
     (warning,) = unknown_sigma(stated, whole.fit)
     assert warning.code == "no-uncertainty" and warning.where.taxels == (stated.taxels.ids[5],)
     assert "strained by more than 10%" in warning.message
+    sigma = placed.patch.taxels.sigma.copy()
+    sigma[7] = np.nan
+    (warning,) = unknown_sigma(replace(placed.patch, taxels=replace(placed.patch.taxels, sigma=sigma)), whole.fit)
+    assert "cannot be computed there" in warning.message and warning.where.taxels == (stated.taxels.ids[7],)
 
 
 @pytest.mark.parametrize("trim", [False, True])

@@ -108,7 +108,7 @@ def steps(path):
 def test_each_taxel_feels_its_press(robot, capsys, monkeypatch):
     """Also where the collision shape of the link is flush with the skin; the model loads from any folder."""
     code, out, err = export(robot, capsys)
-    assert (code, err) == (0, []) and "bot with 16 taxels on 2 links; 4 meshes in skin_meshes" in out
+    assert (code, err) == (0, []) and "bot with 16 taxels on 2 links; 4 mesh files in skin_meshes" in out
     assert out.endswith("collision shapes that would hide skin are switched off: arm, hand\n")
     monkeypatch.chdir(os.sep)
     right, pressed = touched(robot / "skin.xml", robot / "out", robot / "bot" / "bot.urdf", 16)
@@ -202,7 +202,7 @@ def test_broken_link_is_one_line(robot, capsys):
     (robot / "bot" / "meshes" / "base.ply").unlink()
     (robot / "out" / "hand.calibration.json").write_text("{")
     code, out, err = export(robot, capsys)
-    assert code == 1 and "bot with 8 taxels on 1 links; 2 meshes" in out
+    assert code == 1 and "bot with 8 taxels on 1 link; 2 mesh files" in out
     assert (
         sum("base is without its visual mesh: the mesh file meshes/base.ply of bot.urdf" in line for line in err) == 2
     )
@@ -243,6 +243,30 @@ def test_taxels_below_shapes_of_other_links_are_stated(millimetres, covers, join
     uncovered, covered = mjcf._uncover(spec, ["arm/skin"], mujoco)
     assert uncovered == () and spec.geom("shape").contype == 1
     assert len(covered) == covers and all("1 taxel of arm is below the collision shape of base" in k for k in covered)
+
+
+def test_shape_that_is_switched_off_covers_no_taxel():
+    """A box of the base is over a taxel of the arm, and over one of its own skin, which comes later."""
+    skin = '<geom type="box" size=".002 .002 .001" pos="{0} 0 .009" mass="0"/><site pos="{0} 0 .01"/></body>'
+    spec = mujoco.MjSpec.from_string(
+        f"""<mujoco><worldbody><body name="base"><geom name="shape" type="box" size=".02 .02 .01" mass="1"/>
+        <body name="arm"><joint axis="0 0 1"/><geom type="sphere" size=".001" pos="0 .1 0" mass="1"/>
+        <body name="arm/skin">{skin.format(0.01)}</body><body name="base/skin">{skin.format(-0.01)}
+        </body></worldbody></mujoco>"""
+    )
+    assert mjcf._uncover(spec, ["arm/skin", "base/skin"], mujoco) == (("base",), ())
+    assert spec.geom("shape").contype == 0
+
+
+def test_mesh_in_millimetres_is_left_out(robot, capsys):
+    """A link of 40 m would hide the robot; the command line refuses it for skin, too."""
+    urdf = robot / "bot" / "bot.urdf"
+    urdf.write_text(urdf.read_text().replace('scale="2 2 2"', 'scale="999 999 999"'))
+    code, _, err = export(robot, capsys)
+    (line,) = err
+    assert (
+        code == 1 and "base is without its visual mesh: meshes/base.ply has a diameter of 5" in line and "scale" in line
+    )
 
 
 def test_shape_that_is_fixed_to_a_link_is_not_that_of_the_link(robot, capsys):

@@ -9,7 +9,13 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.calibration.model import Registration
 from skin_calib_addon.geometry import AcrossGrid, TubeGrid, fit_surface
 from skin_calib_addon.skin import Landmark, SheetLattice, sheet_taxels, wrap_sheet
-from skin_calib_addon.skin.uncertainty import moved_rigidly, moved_within, taxel_uncertainty, usual_curvature
+from skin_calib_addon.skin.uncertainty import (
+    TaxelUncertainty,
+    moved_rigidly,
+    moved_within,
+    taxel_uncertainty,
+    usual_curvature,
+)
 from tests.shapes import RADIUS, Z_AXIS, cone, cylinder, sheet
 
 ROWS, COLUMNS, PITCH = 6, 14, 0.008
@@ -26,6 +32,13 @@ def stated():
     taxels = sheet_taxels(wrap_sheet(fit.error_field.surface, lattice, None, (0, 1.0, 0.2), landmarks=[anchor]), "skin")
     arms = PITCH * (taxels.index - anchor.cell)[:, ::-1]
     return taxels, arms, taxel_uncertainty(taxels, fit.error_field, moved_within(arms, MOUNTED))
+
+
+def test_variances_that_rounding_makes_negative_are_zero():
+    """A nearly exact fit has variances of 1e-25 m^2 with any sign; its taxels are the best known."""
+    given = TaxelUncertainty(-1e-26 * np.eye(2)[None], np.array([-1.9e-25]), -1e-20 * np.eye(2)[None])
+    assert given.sigma.tolist() == [[0.0, 0.0, 0.0]]
+    assert np.isnan(dataclasses.replace(given, normal=np.array([np.nan])).sigma[0, 1])
 
 
 def errors_over_sigma(stated, scale=1.0):
