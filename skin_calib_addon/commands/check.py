@@ -13,7 +13,7 @@ from ..common.errors import CalibrationFormatError, OutputError, SkinCalibError,
 from ..common.file_hash import file_hash
 from ..common.findings import Finding, did_you_mean, error, printable, show, warning
 from ..common.strict_json import parse, read
-from ..pipeline.sources import changed_inputs, find_mesh, is_same_mesh
+from ..pipeline.sources import changed_inputs, find_mesh, is_same_mesh, lost_plan
 from ..plan import FORMAT, check_plan_wholly, load_plan
 from ..robot.link_mesh import is_urdf, plan_mesh_files
 from ..robot.urdf import read_robot
@@ -137,6 +137,10 @@ def _compare(path: Path, link: str, mesh: dict[str, Any], named: Path | None) ->
             warning("outdated", "", f"was made from {name}, which has changed; fit it again")
             for name in changed_inputs(path)
         ]
+        if name := lost_plan(path):
+            plans.append(
+                warning("no-plan", "", f"was made from {name}, which is missing; remove one, or propose again")
+            )
         found = named or find_mesh(path, mesh["file"])
     except CalibrationFormatError as problem:
         message = f"cannot be compared with its sources: {problem}"

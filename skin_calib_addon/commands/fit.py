@@ -13,7 +13,7 @@ from ..common.atomic_file import make_folder
 from ..common.errors import CalibrationFormatError, InvalidPlan, OutputError, SkinCalibError, counted
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline.robot_folder import save_robot
-from ..pipeline.sources import Source, load_sources, save_source
+from ..pipeline.sources import Source, load_sources, lost_plan, save_source
 from ..plan import Plan
 from ..proposal.links import Fitted
 from ..robot.link_mesh import is_urdf
@@ -115,6 +115,9 @@ def run(options: argparse.Namespace) -> int:
     if folder and code != INTERRUPTED:
         try:
             save_robot(folder, robot, urdf)
+            for path in sorted(folder.glob("*.calibration.json")):
+                if plan := lost_plan(path):
+                    complain(f"warning: {path.name} stays in {FILE}, but its plan {plan} is missing. Remove it.")
         except CalibrationFormatError as problem:
             complain(f"warning: {FILE} is not up to date: {problem}")
     return max(code, proposed)

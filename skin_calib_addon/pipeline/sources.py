@@ -216,6 +216,18 @@ def changed_inputs(calibration: Path) -> tuple[str, ...]:
     return tuple(path for path, known in files.items() if file_hash(calibration.parent / path) not in (known, None))
 
 
+def lost_plan(calibration: Path) -> str:
+    """Return the plan of a calibration if it is missing next to other plans; empty otherwise.
+
+    Without other plans, the calibrations alone were copied to a robot.
+    """
+    noted = load_sources(calibration.parent).get(calibration.name)
+    plan = calibration.parent / noted.plan if noted and noted.plan else None
+    if noted is None or plan is None or os.path.lexists(plan) or not any(plan.parent.glob("*.plan.json")):
+        return ""
+    return noted.plan
+
+
 def is_same_mesh(path: Path, sha256: str, link: str = "") -> bool:
     """Return whether a mesh file has the geometry of a hash, in any unit; or whether a link of a URDF has it.
 

@@ -1,6 +1,7 @@
 """``robot.json``: written by ``fit``, examined by ``check``, loaded by a controller."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -82,6 +83,25 @@ def test_check_warns_of_channels_that_two_links_without_a_bus_use(robot, capsys)
     words = f'("hand") has channel 0, as "arm" has; {taxels} in all; name their buses if each has its own readings'
     assert code == 0 and f"warning: /links/1 {words} [duplicate-channel]" in lines
     assert set(Body.load(robot / "out").skins) == set(LINKS)
+
+
+def test_calibration_whose_plan_is_lost_is_named(robot, capsys):
+    """By check and fit, as long as there are other plans; a folder of calibrations alone is one for a controller."""
+    path = next(robot.glob("*.plan.json"))
+    name = path.name.replace(".plan.json", ".calibration.json")
+    os.rename(path, path.with_suffix(".old"))
+    capsys.readouterr()
+    assert main(["check", str(robot / "out" / name)]) == 0
+    assert (
+        f"was made from ../{path.name}, which is missing; remove one, or propose again [no-plan]"
+        in capsys.readouterr().out
+    )
+    assert main(["fit", str(robot), "-o", str(robot / "out")]) == 0
+    assert f"warning: {name} stays in robot.json, but its plan ../{path.name} is missing" in capsys.readouterr().err
+    for other in robot.glob("*.plan.json"):
+        other.unlink()
+    assert main(["check", str(robot / "out" / name)]) == 0
+    assert "no-plan" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
