@@ -12,8 +12,8 @@ from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans, r
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.calibration.exchange import FORMATS, WRITABLE
 from ..skin_calib_addon.calibration.file import save_calibration
-from ..skin_calib_addon.common.atomic_file import write_bytes_safely
-from ..skin_calib_addon.common.errors import SkinCalibError
+from ..skin_calib_addon.common.atomic_file import is_same_file, write_bytes_safely
+from ..skin_calib_addon.common.errors import OutputError, SkinCalibError
 from ..skin_calib_addon.geometry.mesh.triangle_mesh import (
     METRES_PER_UNIT,
     TriangleMesh,
@@ -21,6 +21,7 @@ from ..skin_calib_addon.geometry.mesh.triangle_mesh import (
     read_mesh,
     save_mesh,
 )
+from ..skin_calib_addon.pipeline.sources import taxel_files
 from ..skin_calib_addon.plan import load_plan, named_from, save_plan
 from ..skin_calib_addon.robot.link_mesh import is_urdf, load_plan_mesh
 from .files import Import
@@ -79,6 +80,7 @@ class Export(ExportHelper):
     def execute(self, context):
         path = Path(bpy.path.abspath(self.filepath))
         try:
+            _check_kept(context, path)
             warnings = self.write(context, path)
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
@@ -87,6 +89,22 @@ class Export(ExportHelper):
         for warning in warnings:  # last, because the window shows what was reported last
             self.report({"WARNING"}, warning)
         return {"FINISHED"}
+
+
+def _check_kept(context, path):
+    """Raise OutputError if a file to write would replace a mesh, the URDF, or a taxel file of the active link."""
+    link = context.object
+    urdf = robots.urdf_of(link)
+    files = (*taxel_files(plans.read_plan(link, context.scene)), *([urdf] if urdf else []))
+    if path.is_file() and (_is_mesh(path) or any(is_same_file(path, file) for file in files)):
+        raise OutputError(f"{path} is a mesh, or a file of this link. Choose another name.")
+
+
+def _is_mesh(path):
+    try:
+        return len(read_mesh(path).faces) > 0
+    except SkinCalibError:
+        return False
 
 
 def fit_to_write(context):
@@ -188,8 +206,8 @@ class SKIN_OT_export_taxels(KeepsLink, WhileIdle, OnLink, Export, bpy.types.Oper
 
     @property
     def ending(self):
-        """Return the suffix of the proposed name."""
-        return self.filename_ext
+        """Return the end of the proposed name; the mesh can have the name of the link with the same suffix."""
+        return f"_taxels{self.filename_ext}"
 
     def check(self, context):
         """Replace the suffix of another format by that of the selected one."""

@@ -8,8 +8,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ..calibration.exchange import FORMATS
+from ..common.atomic_file import is_same_file
 from ..common.errors import OutputError
 from ..common.findings import printable
+from ..pipeline.sources import names_file
 
 DONE = 0  # Contract: exit code
 WRONG_DATA = 1  # Contract: exit code if a file or its content cannot be used
@@ -48,24 +50,34 @@ def check_target(target: Path | None, *others: Path | None) -> None:
     if target is not None and not os.path.isdir(target) and not os.path.isdir(target.absolute().parent):
         raise OutputError(f"the folder {target.absolute().parent} for {target.name} does not exist. Create it first.")
     for other in others:
-        if target is not None and other is not None and _is_same(target, other):
+        if target is not None and other is not None and is_same_file(target, other):
             raise OutputError(f"{target} would replace {other}, which the same call uses. Choose another file.")
+
+
+def check_kept(file: Path, *targets: Path | None) -> None:
+    """Check that no output file of a call replaces what a file of the call names.
+
+    Parameters
+    ----------
+    file : Path
+        Plan, calibration, or ``robot.json``.
+    *targets : Path, optional
+        Files to write; None is always valid.
+
+    Raises
+    ------
+    OutputError
+        If one would replace a mesh, a taxel file, or another source.
+    """
+    for target in targets:
+        if target is not None and names_file(file, target):
+            raise OutputError(f"{target} would replace a file that {file} names. Choose another file.")
 
 
 def check_picture(target: Path | None) -> None:
     """Check that the name of a picture (None is valid, and a folder) ends as one; raise OutputError if it does not."""
     if target is not None and not os.path.isdir(target) and target.suffix.lower() not in PICTURES:
         raise OutputError(f"{target.name} is not a name for a picture. Use one that ends with {', '.join(PICTURES)}.")
-
-
-def _is_same(a: Path, b: Path) -> bool:
-    """Return whether two paths are the same file, existing or not; False for a folder."""
-    if os.path.isdir(a):
-        return False
-    try:
-        return os.path.samefile(a, b)
-    except (OSError, ValueError):
-        return os.path.realpath(a) == os.path.realpath(b)
 
 
 def count(text: str) -> int:

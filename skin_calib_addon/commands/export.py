@@ -12,7 +12,7 @@ from ..common.atomic_file import check_writable, make_folder, write_bytes_safely
 from ..common.errors import OutputError, SkinCalibError, counted
 from ..robot.mjcf import MARK, robot_mjcf
 from ..robot.urdf import read_robot
-from .common import DONE, FIT_WITH_URDF, WRONG_DATA, check_target, complain, listed, say
+from .common import DONE, FIT_WITH_URDF, WRONG_DATA, check_kept, check_target, complain, listed, say
 
 ROBOT_FORMAT = "mjcf"  # the format of a whole robot
 
@@ -35,6 +35,7 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> int:
     check_target(options.output, options.file)
+    check_kept(options.file, options.output)
     check_writable(options.output)
     if is_robot(options.file):
         return _export_robot(options)

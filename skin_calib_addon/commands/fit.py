@@ -76,10 +76,8 @@ def run(options: argparse.Namespace) -> int:
         options.plans = list(fitted)
         if not options.plans:
             return max(proposed, WRONG_DATA)
-    check_target(options.output, *options.plans)
-    check_target(options.picture, *options.plans, options.output)
-    check_target(options.report, *options.plans, options.output, options.picture)
     robot: Robot | None = None
+    files: list[Path] = []
     urdf: Path | None = None
     if options.plans:
         files, urdf = (options.plans, options.file) if options.propose else _plan_files(options.plans)
@@ -92,6 +90,10 @@ def run(options: argparse.Namespace) -> int:
         raise SkinCalibError(
             "The scene has no link to fit. Give an object a link name in the Skin tab, or specify a plan."
         )
+    inputs = (*files, urdf)
+    check_target(options.output, *inputs)
+    check_target(options.picture, *inputs, options.output)
+    check_target(options.report, *inputs, options.output, options.picture)
     names = [name for name, _, _ in links]
     if len(links) > 1 and not options.output.suffix and not os.path.lexists(options.output):
         make_folder(options.output)

@@ -17,7 +17,7 @@ from ..common.warnings import Warning
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline import Calibrated, calibrate
 from ..pipeline.report import report_document, summary
-from ..pipeline.sources import Source, add_outputs, is_current, source_of, taxel_files
+from ..pipeline.sources import Source, add_outputs, input_files, is_current, source_of
 from ..plan import Plan, load_plan
 from ..proposal.links import Fitted
 from ..robot.link_mesh import load_plan_mesh
@@ -109,7 +109,7 @@ def fit_one(job: Job) -> Outcome:
         plan = load_plan(job.plan) if isinstance(job.plan, Path) else job.plan
         if isinstance(job.plan, Path):
             for output in job.outputs:
-                check_target(output, plan.mesh, *taxel_files(plan))
+                check_target(output, *input_files(plan))
         warnings = compare(job.robot, plan) if job.robot else ()
         source = source_of(job.plan, plan, job.folder) if job.folder and isinstance(job.plan, Path) else None
         if source and job.before and job.folder:

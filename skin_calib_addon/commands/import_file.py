@@ -13,7 +13,7 @@ from ..pipeline import calibrate
 from ..pipeline.report import summary
 from ..plan import Plan, check_frame, check_plan, load_plan, plan_document, plan_from
 from ..skin.imported import placed
-from .common import DONE, check_target, complain, listed, say
+from .common import DONE, check_kept, check_target, complain, listed, say
 
 
 def add(commands) -> None:
@@ -50,6 +50,8 @@ def run(options: argparse.Namespace) -> int:
     if options.plan is None and options.output.suffix == ".json":
         options.refuse("a calibration needs the surface of a link: specify its --plan, or a table OUT.csv")
     check_target(options.output, options.file, options.plan)
+    if options.plan is not None:
+        check_kept(options.plan, options.output)
     return _as_table(options) if options.plan is None else _on_link(options)
 
 
@@ -68,7 +70,6 @@ def _as_table(options: argparse.Namespace) -> int:
 
 def _on_link(options: argparse.Namespace) -> int:
     plan = _plan(options)
-    check_target(options.output, plan.mesh)
     result = calibrate(plan)
     save_calibration(result.calibration, options.output)
     for warning in result.warnings:

@@ -12,7 +12,7 @@ from ..common.errors import CalibrationFormatError
 from ..inspection.recording import frame_document, read_modalities, read_recording
 from ..runtime import Frame, Skin, load
 from ..runtime.modalities import FORCE
-from .common import DONE, check_picture, check_target, complain, count, newtons, say
+from .common import DONE, check_kept, check_picture, check_target, complain, count, newtons, say
 
 
 def add(commands) -> None:
@@ -46,6 +46,7 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> int:
     check_target(options.output, options.file, options.readings)
     check_target(options.picture, options.file, options.readings, options.output)
+    check_kept(options.file, options.output, options.picture)
     check_picture(options.picture)
     if options.off is not None and options.on is None:
         options.refuse("--off needs --on: a contact that ends by a threshold begins by one")

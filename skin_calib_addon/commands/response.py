@@ -16,7 +16,7 @@ from ..calibration.response_fit import ResponseFit, fit_response
 from ..common.errors import CalibrationFormatError, UnderdeterminedFit
 from ..common.findings import did_you_mean, show
 from ..common.warnings import Place, Warning
-from .common import DONE, check_picture, check_target, complain, say
+from .common import DONE, check_kept, check_picture, check_target, complain, say
 
 
 def add(commands) -> None:
@@ -39,6 +39,7 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> int:
     check_target(options.output, options.measurements)  # OUT may replace the calibration
     check_target(options.picture, options.file, options.measurements, options.output)
+    check_kept(options.file, options.output, options.picture)
     check_picture(options.picture)
     calibration = load_calibration(options.file)
     ids = {name for patch in calibration.patches for name in patch.taxels.ids}

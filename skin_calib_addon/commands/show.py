@@ -13,7 +13,7 @@ from ..pipeline.report import area_table, covered_area, robot_table, seen_area, 
 from ..robot.kinematics import link_poses
 from ..robot.link_mesh import load_urdf_meshes
 from ..robot.urdf import read_robot
-from .common import DONE, FIT_WITH_URDF, WRONG_DATA, check_picture, check_target, complain, say
+from .common import DONE, FIT_WITH_URDF, WRONG_DATA, check_kept, check_picture, check_target, complain, say
 
 
 def add(commands) -> None:
@@ -29,6 +29,7 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> int:
     check_target(options.picture, options.file)
+    check_kept(options.file, options.picture)
     check_picture(options.picture)
     if is_robot(options.file):
         return _show_robot(options)

@@ -12,7 +12,7 @@ from ..pipeline.refine import refine
 from ..pipeline.touch_distance import check_touches
 from ..plan import FORMAT, load_plan, named_from, save_plan
 from ..validation import Placement, placements, read_touches, summarize
-from .common import DONE, check_picture, check_target, complain, say
+from .common import DONE, check_kept, check_picture, check_target, complain, say
 
 
 def add(commands) -> None:
@@ -38,6 +38,7 @@ def run(options: argparse.Namespace) -> int:
         options.refuse("--refine and -o OUT belong together: specify both or neither")
     check_target(options.output, options.touches)  # OUT may replace the plan
     check_target(options.picture, options.file, options.touches, options.output)
+    check_kept(options.file, options.output, options.picture)
     check_picture(options.picture)
     is_plan = _is_plan(options.file)
     if options.refine and not is_plan:

@@ -66,6 +66,16 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         _mode(Path(os.path.realpath(path)))
 
 
+def is_same_file(a: Path, b: Path) -> bool:
+    """Return whether two paths are the same file, existing or not; False for a folder."""
+    if os.path.isdir(a):
+        return False
+    try:
+        return os.path.samefile(a, b)
+    except (OSError, ValueError):
+        return os.path.realpath(a) == os.path.realpath(b)
+
+
 def _remove_remains(folder: Path) -> None:
     """Remove the temporary files of programs that were killed while they wrote."""
     with suppress(OSError):

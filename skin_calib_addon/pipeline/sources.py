@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cache
@@ -13,14 +14,16 @@ import scipy
 import trimesh
 
 from .. import __version__
-from ..common.atomic_file import write_bytes_safely
-from ..common.errors import CalibrationFormatError
+from ..calibration import robot_set
+from ..common.atomic_file import is_same_file, write_bytes_safely
+from ..common.errors import CalibrationFormatError, SkinCalibError
 from ..common.file_hash import file_hash
 from ..common.schema_check import check, read_schema
 from ..common.strict_json import parse, read
 from ..common.warnings import Warning, from_document, to_document
 from ..geometry.mesh.triangle_mesh import METRES_PER_UNIT, TriangleMesh, read_mesh
-from ..plan import Plan
+from ..plan import Plan, load_plan
+from ..plan import keys as plan_keys
 from ..plan.skins import ImportedSkin
 from ..robot.link_mesh import is_urdf, load_urdf_mesh, plan_mesh_files
 
@@ -79,9 +82,20 @@ def source_of(path: Path, plan: Plan, folder: Path) -> Source:
     SkinCalibError
         If the mesh is a URDF that cannot be read, or whose mesh files are missing.
     """
-    files = (path, *plan_mesh_files(plan), *taxel_files(plan))
+    files = (path, *input_files(plan))
     inputs = {relative_path(folder, file): file_hash(file) or "" for file in files}
     return Source(PROGRAM, relative_path(folder, path), relative_path(folder, plan.mesh), inputs, {}, 0, 0.0, ())
+
+
+def input_files(plan: Plan) -> tuple[Path, ...]:
+    """Return all files that a plan names: of its mesh, and of its imported skins.
+
+    Raises
+    ------
+    SkinCalibError
+        If the mesh is a URDF that cannot be read, or whose mesh files are missing.
+    """
+    return (*plan_mesh_files(plan), *taxel_files(plan))
 
 
 def taxel_files(plan: Plan) -> tuple[Path, ...]:
@@ -226,6 +240,45 @@ def lost_plan(calibration: Path) -> str:
     if noted is None or plan is None or os.path.lexists(plan) or not any(plan.parent.glob("*.plan.json")):
         return ""
     return noted.plan
+
+
+def names_file(path: Path, file: Path) -> bool:
+    """Return whether a plan, a calibration or a robot names an existing file, which must therefore not be replaced.
+
+    A calibration names its mesh, wherever a file of this geometry is, and the sources that ``sources.json`` has of it.
+    A robot names its URDF, its calibrations, and what these name. What cannot be read names nothing.
+
+    Parameters
+    ----------
+    path : Path
+        Plan, calibration, ``robot.json``, or the folder of a ``robot.json``.
+    file : Path
+        A file, existing or not.
+    """
+    if not os.path.isfile(file):
+        return False
+    path = robot_set.robot_file(path) if robot_set.is_robot(path) else path
+    folder = path.parent
+
+    def is_any(files: Iterable[Path]) -> bool:
+        return any(is_same_file(file, other) for other in files)
+
+    try:
+        match parse(read(path))[0]:
+            case {"format": robot_set.FORMAT}:
+                robot = robot_set.load_robot_set(path)
+                calibrations = [folder / link.calibration for link in robot.links]
+                files = [*calibrations, *([folder / robot.urdf.file] if robot.urdf else [])]
+                return is_any(files) or any(names_file(calibration, file) for calibration in calibrations)
+            case {"format": plan_keys.FORMAT}:
+                return is_any(input_files(load_plan(path)))
+            case {"mesh": {"file": str(mesh), "sha256": str(sha256)}}:
+                noted = load_sources(folder).get(path.name)
+                files = [folder / name for name in (mesh, *(noted.inputs if noted else ()))]
+                return is_any(files) or is_same_mesh(file, sha256)
+    except SkinCalibError:
+        pass
+    return False
 
 
 def is_same_mesh(path: Path, sha256: str, link: str = "") -> bool:

@@ -137,6 +137,24 @@ def test_taxels_for_other_programs_are_those_of_the_command_line(bpy, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["export_plan", "export_calibration", "export_taxels"])
+@pytest.mark.parametrize("file", ["mesh", "skin"])
+def test_mesh_and_taxel_files_of_the_link_are_not_replaced(bpy, link, tmp_path, name, file):
+    """A point cloud of taxels can have the name of the mesh; earlier results are replaced."""
+    taxels = tmp_path / "pair.csv"
+    taxels.write_text("x,y,z\n0.04,0.01,0.06\n0.04,0.02,0.06\n")
+    assert bpy.ops.skin_calib.skin_import(filepath=str(taxels)) == {"FINISHED"}
+    bpy.ops.skin_calib.export_plan(filepath=str(tmp_path / "new.plan.json"))
+    path = {"mesh": tmp_path / link.skin_calib.mesh_file, "skin": taxels}[file]
+    before = path.read_bytes()
+    words = {"format": "ply"} if name == "export_taxels" else {}
+    with pytest.raises(RuntimeError, match="is a mesh, or a file of this link. Choose another name"):
+        getattr(bpy.ops.skin_calib, name)(filepath=str(path), **words)
+    assert path.read_bytes() == before
+    for _ in range(2):
+        assert getattr(bpy.ops.skin_calib, name)(filepath=str(tmp_path / "out.ply"), **words) == {"FINISHED"}
+
+
+@pytest.mark.parametrize("name", ["export_plan", "export_calibration", "export_taxels"])
 def test_link_of_the_file_browser_is_written(bpy, link, tmp_path, name):
     """Another link can be active when the file is chosen; the one of the browser can be renamed."""
     copy, path = link.copy(), tmp_path / "out.csv"

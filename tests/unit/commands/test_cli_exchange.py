@@ -226,7 +226,6 @@ REPLACING = {  # call that would replace one of its other files, exit code, name
     "export by folders": ("export f.json --to csv -o ./sub/../f.json", 2, "f.json"),
     "import": ("import t.csv -o t.csv", 2, "t.csv"),
     "import on a plan": ("import t.csv --plan tube.plan.json -o tube.plan.json", 2, "tube.plan.json"),
-    "import over the mesh": ("import t.csv --plan tube.plan.json -o tube.ply", 2, "tube.ply"),
     "fit": ("fit tube.plan.json -o tube.plan.json", 2, "tube.plan.json"),
     "fit over the mesh": ("fit tube.plan.json -o tube.ply", 2, "tube.ply"),
     "fit twice": ("fit tube.plan.json -o new --report new", 2, "new"),
@@ -236,6 +235,53 @@ REPLACING = {  # call that would replace one of its other files, exit code, name
     "replay": ("replay f.json r.csv -o r.csv", 2, "r.csv"),
     "replay twice": ("replay f.json r.csv -o new --picture new", 2, "new"),
 }
+
+
+NAMED = {  # call that would replace a file that its calibration, plan or robot names, and this document
+    "export": ("export c.json --to ply -o tube.ply", "c.json"),
+    "export over a mesh elsewhere": ("export c.json --to ply -o sub/copy.ply", "c.json"),
+    "export over a source": ("export robot/tube.calibration.json --to csv -o t.csv", "robot/tube.calibration.json"),
+    "export of a robot": ("export robot --to mjcf -o tube.plan.json", "robot"),
+    "response": ("response c.json m.csv -o tube.ply", "c.json"),
+    "replay": ("replay c.json r.csv -o tube.ply", "c.json"),
+    "touches": ("touches tube.plan.json touches.csv --refine -o tube.ply", "tube.plan.json"),
+    "touches over taxels": ("touches tube.plan.json touches.csv --refine -o t.csv", "tube.plan.json"),
+    "import over the mesh": ("import m.csv --plan tube.plan.json -o tube.ply", "tube.plan.json"),
+    "import over taxels": ("import m.csv --plan tube.plan.json -o t.csv", "tube.plan.json"),
+}
+
+
+@pytest.mark.parametrize("case", NAMED)
+def test_nothing_replaces_what_the_files_of_the_call_name(folder, monkeypatch, capsys, case):  # noqa: F811
+    """The mesh of a calibration is lost otherwise: its taxels can have the same name as a point cloud."""
+    words, document = NAMED[case]
+    write_plan(folder, "tube", skins=[{"name": "cuff", "kind": "imported", "file": "t.csv"}])
+    (folder / "t.csv").write_text(csv_text(on_tube()[0]))
+    (folder / "sub").mkdir()
+    (folder / "robot").mkdir()
+    monkeypatch.chdir(folder)
+    assert main(["fit", "tube.plan.json", "-o", "c.json"]) == main(["fit", "tube.plan.json", "-o", "robot"]) == 0
+    (folder / "sub" / "copy.ply").write_bytes((folder / "tube.ply").read_bytes())
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    capsys.readouterr()
+    assert_refused(capsys, 2, f" would replace a file that {document} names. Choose another file.", *words.split())
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+def test_plan_in_the_folder_of_a_fit_is_not_replaced(folder, monkeypatch, capsys):  # noqa: F811
+    """A folder as an argument stands for the plans in it."""
+    monkeypatch.chdir(folder)
+    before = (folder / "tube.plan.json").read_bytes()
+    assert_refused(capsys, 2, " would replace tube.plan.json", "fit", ".", "-o", "tube.plan.json")
+    assert (folder / "tube.plan.json").read_bytes() == before
+
+
+def test_results_of_earlier_calls_are_replaced(folder, monkeypatch, capsys):  # noqa: F811
+    """They are no source of the calibration."""
+    monkeypatch.chdir(folder)
+    assert main(["fit", "tube.plan.json", "-o", "c.json"]) == 0
+    for _ in range(2):
+        assert main(["export", "c.json", "--to", "ply", "-o", "taxels.ply"]) == 0
 
 
 @pytest.mark.parametrize("case", REPLACING)
