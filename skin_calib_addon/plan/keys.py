@@ -774,7 +774,7 @@ ZONE = Record(
         Key(
             "radius",
             length(exclusiveMinimum=0, maximum=1),
-            "Boards keep this distance from the point.",
+            "Boards keep this distance from the point and from the surface point nearest to it, in all directions.",
             label="Radius",
             first=0.005,
         ),

@@ -33,7 +33,7 @@ MAX_SLOPE = 0.5
 
 @dataclass(frozen=True)
 class Zone:
-    """A disc without boards: a screw, a cable outlet."""
+    """A ball without boards, which also counts about the nearest point of the surface: a screw, a cable outlet."""
 
     point: tuple[float, float, float]  # its centre, on or near the mesh [m]
     radius: float  # [m]
@@ -54,10 +54,10 @@ class Ground:
 
     @cached_property
     def _zones(self) -> tuple[Array, Array, Array]:
-        """Centres of the zones on the surface, normals there, and radii."""
+        """Points of the zones, the points of the surface nearest to them, and radii."""
         centres = np.array([zone.point for zone in self.excluded]).reshape(-1, 3)
         uv = footpoints(self.surface, centres)[0] if len(centres) else np.zeros((0, 2))
-        return self.surface.points(uv), self.surface.normals(uv), np.array([zone.radius for zone in self.excluded])
+        return centres, self.surface.points(uv), np.array([zone.radius for zone in self.excluded])
 
     def covers(self, uv: Array) -> BoolArray:
         """Return whether a part of a board may be over parameters (k, 2), shape (k,).
@@ -68,8 +68,8 @@ class Ground:
         free = np.ones(len(uv), bool)
         if self.fit is not None and self.fit.lines.region is not None:
             free &= self.fit.lines.region(points)
-        for centre, normal, radius in zip(*self._zones):
-            free &= (np.linalg.norm(points - centre, axis=1) >= radius) | (normals @ normal <= 0)
+        for point, centre, radius in zip(*self._zones):
+            free &= np.minimum(*(np.linalg.norm(points - p, axis=1) for p in (point, centre))) >= radius
         free[free] = self.is_over_mesh(points[free], normals[free])  # the longest computation
         return free
 

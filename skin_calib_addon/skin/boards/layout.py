@@ -153,7 +153,8 @@ def lay_boards(
                 f"no board with sides of {lattice.side * 1e3:g} mm fits completely in the region, which is {width:.1f} "
                 f"x {height:.1f} mm over all, with its centre within {MAX_DISTANCE * 1e3:g} mm and "
                 f"{np.rad2deg(MAX_ANGLE):.0f} degrees of the mesh, and its corners within "
-                f"{MAX_GAP * lattice.side * 1e3:g} mm; extend the surface, or use smaller boards"
+                f"{MAX_GAP * lattice.side * 1e3:g} mm; extend the surface, use smaller boards, or reduce "
+                "excluded zones"
             )
         near = boards.are_near()
         boards = boards[near] if near.any() else boards

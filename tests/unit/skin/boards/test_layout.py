@@ -104,6 +104,19 @@ def test_zone_beyond_the_edge_adds_no_area():
     assert np.linalg.norm(found.reshape(-1, 2) - (0.1, 0.04), axis=1).min() > 0.015
 
 
+@pytest.mark.parametrize(
+    ("point", "radius"), [((0.015, 0, 0.07), 0.025), ((0.015, 0, 0.07), 0.034), ((0.002, 0, 0.07), 0.03)]
+)
+def test_zone_of_a_tube_goes_around_it(point, radius):
+    """No board is nearer to the point than the radius, beyond a quarter turn and where the point is inside the tube."""
+    fit = fit_surface(cylinder(0.015, 0.14), TubeGrid(8, 12, Z_AXIS, margin=1e-3))
+    boards, _ = lay_boards(
+        fit.surface, HexLattice(0.004, 0.0), "all", None, None, fit=fit, excluded=(Zone(point, radius),)
+    )
+    assert len(boards.cells) > 40
+    assert np.linalg.norm(boards.corners() - point, axis=2).min() > radius - 1e-4
+
+
 def test_zones_and_holes_add_up():
     """Where a zone overlaps a hole, no board is in either."""
     mesh = with_hole(sheet(lambda x, y: 0 * x, cells=(50, 40)), (0.03, 0.03, 0), 0.008)
