@@ -275,8 +275,10 @@ def shells(mesh: TriangleMesh) -> IntArray:
     """Return the number of the shell of each face, shape (f,): an edge connects faces if it belongs to exactly two.
 
     Vertices that differ by the rounding of single precision are the same: some files have other ones in each face.
+    Faces that are back to back count as one: edges of a mesh whose faces are doubled belong to four faces.
     """
-    return components(len(mesh.faces), *_connected(mesh).adjacency)
+    connected, number = _connected(mesh)
+    return components(len(connected.faces), *connected.adjacency)[number]
 
 
 def shells_after(mesh: TriangleMesh, cuts: Sequence[tuple[Array, Array]]) -> IntArray:
@@ -291,32 +293,42 @@ def shells_after(mesh: TriangleMesh, cuts: Sequence[tuple[Array, Array]]) -> Int
     cuts : sequence of (point, normal)
         Points of planes [m], and their normals to the kept side.
     """
-    mesh = _connected(mesh)
-    first, second = mesh.adjacency
+    connected, number = _connected(mesh)
+    first, second = connected.adjacency
     start, stop = np.zeros(len(first)), np.ones(len(first))  # of what is left of each edge, from its first vertex
     for point, normal in cuts:
-        a, b = _heights(mesh, point, normal)[mesh.shared_edges].T
+        a, b = _heights(connected, point, normal)[connected.shared_edges].T
         with np.errstate(invalid="ignore", divide="ignore"):
             at = a / (a - b)
         start = np.where((a < 0) & (b >= 0), np.maximum(start, at), start)
         stop = np.where((b < 0) & (a >= 0), np.minimum(stop, at), stop)
         stop[(a < 0) & (b < 0)] = 0.0
     left = start < stop
-    return components(len(mesh.faces), first[left], second[left])
+    return components(len(connected.faces), first[left], second[left])[number]
 
 
 @lru_cache(maxsize=4)
-def _connected(mesh: TriangleMesh) -> TriangleMesh:
-    """Return the mesh with one vertex for all that differ by rounding, if its faces are not connected."""
-    if components(len(mesh.faces), *mesh.adjacency).max() == 0:
-        return mesh
+def _connected(mesh: TriangleMesh) -> tuple[TriangleMesh, IntArray]:
+    """Return a mesh with the same shells that merges what counts as one, and the number of each face in it, (f,)."""
+    found = _single(mesh)
+    if components(len(found[0].faces), *found[0].adjacency).max() == 0:
+        return found
     distance = ROUNDING * float(np.abs(mesh.vertices).max())
     pairs = cKDTree(mesh.vertices).query_pairs(distance, output_type="ndarray")
     if len(pairs) == 0:
-        return mesh
+        return found
     same = components(len(mesh.vertices), *pairs.T)
     chosen = np.unique(same, return_index=True)[1]
-    return TriangleMesh(mesh.vertices, chosen[same][mesh.faces])
+    return _single(TriangleMesh(mesh.vertices, chosen[same][mesh.faces]))
+
+
+def _single(mesh: TriangleMesh) -> tuple[TriangleMesh, IntArray]:
+    """Return a mesh without doubled faces if its faces are not connected, and the number of each face in it, (f,)."""
+    every = np.arange(len(mesh.faces))
+    if components(len(mesh.faces), *mesh.adjacency).max() == 0:
+        return mesh, every
+    single, number = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_inverse=True)
+    return (mesh, every) if len(single) == len(mesh.faces) else (TriangleMesh(mesh.vertices, single), number.ravel())
 
 
 def convex_hull(points: Array) -> Delaunay | None:

@@ -116,6 +116,17 @@ def test_shells_are_joined_over_edges_of_two_faces_only():
     assert np.bincount(shells(cylinder())).tolist() == [len(cylinder().faces)]
 
 
+@pytest.mark.parametrize("every", [1, 10, 50])
+def test_faces_that_are_back_to_back_are_one_face(every):
+    """With doubled faces, on all of a mesh or a part of it, the shells stay the same, and the cover loses no face."""
+    mesh = together(cylinder(), INNER)
+    doubled = weld(mesh.vertices, np.concatenate((mesh.faces, mesh.faces[::every, ::-1])))
+    assert len(doubled.faces) == len(mesh.faces) + len(mesh.faces[::every])
+    assert shells(doubled).max() == 1
+    inside = np.linalg.norm(doubled.triangles.mean(axis=1)[:, :2], axis=1) < 0.02
+    assert (cover.is_outer(doubled) == ~inside).all()
+
+
 def test_cut_that_removes_everything_is_refused():
     """The message names the cut, and what may be wrong with it."""
     cuts = (Cut((0, 0, 0.05), (0, 0, 1)), Cut((0, 0, 0.2), (0, 0, 1)))
