@@ -343,7 +343,8 @@ def check_coverage(lines: LineGrid, basis: TensorBasis, samples: RaySamples) -> 
                 (f"u-plane {i}", lines.origins[i, 0]) if what == "u" else (lines.v_names[i], lines.origins[0, i])
             )
             raise EmptySection(
-                f"{name}, through {millimetres(place)}, does not intersect the mesh. Move it, or increase the margin.",
+                f"{name}, through {millimetres(place)}, does not intersect the mesh. Move it, increase the margin, or "
+                "choose another axis.",
                 plane=i,
                 place=Place(point_of(place), name),
             )

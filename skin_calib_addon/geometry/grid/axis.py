@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from ...common.arrays import Array, BoolArray, ComplexArray, IntArray, unit
 from ...common.errors import EmptySection, InvalidPlan, millimetres
@@ -39,6 +40,12 @@ ROUND_PROFILE = 1e-3
 EQUAL_MAXIMA = 1e-5
 # [rad] difference of two angles below which they are equal. Larger: the link frame decides for more tubes.
 EQUAL_ANGLES = 1e-3
+# [1] ratio of the second moments below which a face is nearly square: sides that differ by 22 %. Larger: the rectangle
+# around more faces gives their direction.
+SQUARE_MOMENT = 0.2
+# [1] ratio of areas from which on the smallest rectangle around a nearly square face gives its direction. Larger: fewer
+# faces; smaller: the corners of round ones decide. It is exceeded 0.6 degrees from the sides of a square.
+RECTANGLE_RATIO = 1.02
 TRIAL_STATIONS = 192  # [1] tried for complete sections. Larger: narrower openings are seen, more time
 # [1] halvings of a step that find the end of the complete sections, to 1/512 of it. Larger: more accurate, more time.
 END_HALVINGS = 9
@@ -499,6 +506,9 @@ def long_direction(triangles: Array, up: Array) -> Array:
         \alpha = \tfrac{1}{2} \arg \int z^2\, \mathrm{d}A \quad \text{or} \quad \alpha + \pi, \qquad
         \text{with} \quad \int \operatorname{Re}(z\, e^{-i \alpha})^3\, \mathrm{d}A < 0
 
+    A missing corner turns this direction of a nearly square face by up to 45 degrees. Such a face has the direction of
+    the smallest rectangle around it, if this is clearly smaller than the rectangle along :math:`\alpha`.
+
     The link frame decides what the shape does not: the angle of a round face, and the sense of a symmetric one.
 
     Parameters
@@ -523,13 +533,49 @@ def long_direction(triangles: Array, up: Array) -> Array:
     second = areas @ ((z**2).sum(axis=1) + total**2) / 12  # exact integrals over the triangles
     square = areas @ ((np.abs(z) ** 2).sum(axis=1) + np.abs(total) ** 2) / 12
     second += square * EQUAL_SHAPE * link_influence(np.abs(second) / square)
-    angle = np.angle(second) / 2
+    angle = float(np.angle(second) / 2)
+    if np.abs(second) < SQUARE_MOMENT * square:
+        angle = rectangle_angle(np.column_stack((z.real.ravel(), z.imag.ravel())), angle)
     along = (z * np.exp(-1j * angle)).real
     total = along.sum(axis=1)
     third = areas @ (total**3 + 3 * total * (along**2).sum(axis=1) + 2 * (along**3).sum(axis=1)) / 60
     direction = np.cos(angle) * frame.e1 + np.sin(angle) * frame.e2
     skewed = np.abs(third) > EQUAL_SHAPE * square**1.5
     return direction * (-np.sign(third) if skewed else link_side(direction))
+
+
+def rectangle_angle(points: Array, angle: float) -> float:
+    """Return the angle of the longer side of the smallest rectangle around points, if it is clearly the smallest one.
+
+    One of its sides is along a side of the convex hull (Freeman and Shapira, 1975). Of equal rectangles, and of equal
+    sides, the one nearest to the given angle counts, then the one next to angle zero.
+
+    Parameters
+    ----------
+    points : array, shape (k, 2)
+        [m]
+    angle : float
+        From -90 to 90 degrees [rad]; it is returned if the rectangle along it is hardly larger.
+
+    Returns
+    -------
+    float
+        [rad]
+    """
+    corners = points[ConvexHull(points).vertices]
+    x, y = (np.roll(corners, -1, axis=0) - corners).T
+    angles = np.append(np.arctan2(y, x), angle)
+    angles = np.concatenate((angles, angles + TURN / 4))  # both sides of each rectangle
+    lengths = np.ptp(corners @ np.stack((np.cos(angles), np.sin(angles))), axis=0)
+    areas = lengths * np.roll(lengths, len(x) + 1)
+    if areas[-1] < RECTANGLE_RATIO * areas.min():
+        return angle
+    long = lengths > (1 - EQUAL_SHAPE) * np.roll(lengths, len(x) + 1)
+    angles = angles[long & (areas < (1 + EQUAL_SHAPE) * areas.min())]
+    for other in (angle, 0.0):
+        distances = np.abs((angles - other + TURN / 4) % (TURN / 2) - TURN / 4)
+        angles = angles[distances < distances.min() + EQUAL_ANGLES]
+    return float(angles[0])
 
 
 def link_influence(height: float) -> float:

@@ -332,7 +332,7 @@ def test_too_few_planes_for_the_degree_are_refused(grid, degree, message):
         ),
         (
             TubeGrid(6, 12, Axis((1, 0, 0), (0, 0, 1)), margin=0.01),
-            "does not intersect the mesh. Move it, or increase the margin|no ray",
+            "does not intersect the mesh. Move it, increase the margin, or choose another axis|no ray",
         ),
     ],
 )

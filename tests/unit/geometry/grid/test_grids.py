@@ -20,8 +20,10 @@ from skin_calib_addon.geometry import (
     TubeGrid,
     cut_cover,
     fit_surface,
+    weld,
 )
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, box, cone, cylinder, dome, keep, wrist
+from skin_calib_addon.geometry.sampling.frames import link_direction
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, box, cone, cylinder, dome, keep, sheet, wrist
 
 seeds = st.integers(0, 2**32 - 1)
 SPAN = (0.02, 0.08)
@@ -201,6 +203,30 @@ def test_across_lies_over_the_face_that_looks_along_the_normal():
     assert (grid.origins[..., 2] > 0.05).all()  # they start on the other side of the face, and go through the mesh
     turned = AcrossGrid(6, 4, (0, 0, -2.0), along=(1, 0, 0.3), margin=0.01).line_grid(block)
     assert_allclose(turned.origins[:, 0, 0], np.linspace(0.01, 0.09, 6), rtol=1e-12)
+
+
+@given(seed=seeds)
+@pytest.mark.parametrize("size", [(0.1, 0.1), (0.104, 0.1)])
+@pytest.mark.parametrize("cut", [0.005, 0.02])
+def test_across_is_along_a_side_of_a_nearly_square_face(seed, size, cut):
+    """A missing corner does not turn the axis; it does not depend on the link frame."""
+    face = keep(sheet(lambda x, y: 0 * x, size, (40, 40)), lambda c: c[:, 0] + c[:, 1] < sum(size) - cut)
+    motion = Motion(seed)
+    grid = AcrossGrid(6, 4, tuple(motion.directions((0, 0, 1)))).line_grid(motion.mesh(face))
+    along = np.abs((grid.origins[-1, 0] - grid.origins[0, 0]) @ motion.rotation)
+    expected = (1, 0, 0) if size[0] > size[1] else (along[0] > along[1], along[1] >= along[0], 0)
+    assert_allclose(along / np.linalg.norm(along), expected, rtol=0, atol=0.01)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, 0.7])
+def test_across_is_along_the_link_frame_on_a_round_face(turn):
+    """Corners of a polygon do not decide."""
+    angles = turn + np.arange(32) * np.pi / 16
+    rim = np.column_stack((0.05 * np.cos(angles), 0.05 * np.sin(angles), 0 * angles))
+    faces = [(0, 1 + k, 1 + (k + 1) % 32) for k in range(32)]
+    grid = AcrossGrid(6, 4, (0, 0, 1)).line_grid(weld(np.vstack((np.zeros(3), rim)), faces))
+    along = grid.origins[-1, 0] - grid.origins[0, 0]
+    assert_allclose(along / np.linalg.norm(along), link_direction(np.array((0, 0, 1.0))), rtol=0, atol=1e-6)
 
 
 def test_across_takes_a_hundredth_where_no_margin_is_given():
