@@ -151,6 +151,7 @@ ACTIONS: dict[str, tuple[Action, ...] | str] = {
     "undercut": (CUT,),
     "chords-refused": (Action("wm.context_set_boolean", "Follow the Facets", _facets),),
     "outlier-vertices": "the fit leaves these vertices out already",
+    "short-surface": "only the author knows whether the open part carries skin",
     "planes-nearly-parallel": "only the author knows which plane is right; both have handles",
     "overlap": (Action("wm.context_set_int", "Fewer Cells", _fewer),),
     "over-hole": (TRIM,),

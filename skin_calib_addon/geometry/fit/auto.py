@@ -11,7 +11,7 @@ from ...common.arrays import Array, IntArray
 from ...common.errors import InvalidPlan, UnderdeterminedFit, UnreachableTolerance
 from ..grid.axis import Axis
 from ..grid.error_model import ErrorModel
-from ..grid.grids import AutoGrid, Grid, PlanesGrid, Region, Size, Tolerance, Vector, region_of
+from ..grid.grids import AutoGrid, Grid, PlanesGrid, Region, Size, Tolerance, Vector, length_warnings, region_of
 from ..grid.parametrizations import parametrized_lines
 from ..grid.spacing import MAX_MOVES, density_lines, line_positions, plane_positions
 from ..mesh.closest import distance_to
@@ -312,7 +312,8 @@ def _smallest(
             f'The tolerance must be positive and the measure "mean" or "max", not {tolerance} and "{measure}".'
         )
     given, (mesh, outliers) = mesh, without_outliers(mesh)
-    error_model = ErrorModel.of(mesh, grid.region.parametrization(mesh), MAX_PLANES)
+    parametrization = grid.region.parametrization(mesh)
+    error_model = ErrorModel.of(mesh, parametrization, MAX_PLANES)
     predictor = SizePredictor(error_model, degrees, measure, moves=TRIAL_MOVES)
     limits = DeviationLimits.of(max_deviation, tolerance, measure)
     search = Search(mesh, predictor, tolerance, measure, limits)
@@ -321,7 +322,8 @@ def _smallest(
         search.enlarge()
     if search.best is None:
         raise refusal(search, grid.region)
-    return replace(search.best, **left_out(given, outliers))
+    lines = replace(search.best.lines, warnings=length_warnings(grid.region, parametrization, mesh))
+    return replace(search.best, lines=lines, **left_out(given, outliers))
 
 
 def refusal(search: "Search", region: Region) -> UnreachableTolerance:

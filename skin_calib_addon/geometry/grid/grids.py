@@ -7,7 +7,7 @@ import numpy as np
 
 from ...common.arrays import Array, unit
 from ...common.errors import InvalidPlan
-from ...common.warnings import Place, Warning
+from ...common.warnings import Place, Warning, point_of
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import TubeFrame, frame_of
 from ..sampling.lines import LineGrid
@@ -52,6 +52,9 @@ MIN_FACING_COSINE = np.cos(np.deg2rad(61.0))
 # [cosine] between the mean normal of the faces and the lines below which the side is ambiguous. Larger: more meshes are
 # refused.
 MIN_SIDE_COSINE = 0.1
+# [fraction of the length of the mesh along the axis] length of a surface with an automatic margin below which there is
+# a warning. Larger: more warnings.
+MIN_COVERED_LENGTH = 0.5
 
 
 @dataclass(frozen=True)
@@ -246,7 +249,9 @@ class Grid:
         if isinstance(self.size, Tolerance):
             raise InvalidPlan("This grid has a tolerance instead of numbers of planes and lines. Use fit_grid.")
         size = self.size.n, self.size.lines
-        return lines_on(_parametrization(self.region, mesh), mesh, *size, self.spacing, degree, draft)
+        parametrization = _parametrization(self.region, mesh)
+        lines = lines_on(parametrization, mesh, *size, self.spacing, degree, draft)
+        return replace(lines, warnings=length_warnings(self.region, parametrization, mesh))
 
     def moved_lines(self, lines: ParametrizedLines, mesh: TriangleMesh) -> ParametrizedLines:
         """Return lines at the same places on a mesh that differs little from an earlier one, for a preview.
@@ -272,6 +277,44 @@ class Grid:
 @lru_cache(maxsize=4)  # repeated fits, as in the window, keep the region of their mesh
 def _parametrization(region: Region, mesh: TriangleMesh) -> Parametrization:
     return region.parametrization(mesh)
+
+
+def length_warnings(region: Region, parametrization: Parametrization, mesh: TriangleMesh) -> tuple[Warning, ...]:
+    """Return a warning if the complete sections, which end a tube or a sector without a margin, are a short part of it.
+
+    Parameters
+    ----------
+    region : Region
+        With a margin or a boundary, or across a face, there is no warning.
+    parametrization : TubeParametrization or FaceParametrization
+        Of this region of the mesh.
+    mesh : TriangleMesh
+        The mesh, [m] in the link frame.
+    """
+    if region.margin is not None or region.boundary or not isinstance(parametrization, TubeParametrization):
+        return ()
+    frame, (first, last) = parametrization.frame, parametrization.span
+    if isinstance(frame, CurvedAxis):
+        low, high = curved_axis_span(mesh, frame, 0.0)
+    else:
+        stations = frame.stations(mesh.vertices)
+        low, high = float(stations.min()), float(stations.max())
+    covered, length = last - first, high - low
+    if covered >= MIN_COVERED_LENGTH * length:
+        return ()
+    end, name = (first, "the first u-plane") if first - low > high - last else (last, "the last u-plane")
+    place = Place(point_of(frame.planes(np.array([end])).points[0]), name)
+    return (
+        Warning(
+            "short-surface",
+            "warning",
+            f"The surface covers {covered * 1e3:.1f} mm of the {length * 1e3:.1f} mm of the mesh along the axis. "
+            f"Beyond the end {place.words}, sections are open.",
+            place,
+            covered / length,
+            "Cut away the open part, choose another axis, a sector or a face, or give the margin.",
+        ),
+    )
 
 
 def TubeGrid(n: int, lines: int, axis: Axis | None = None, margin: float | None = None, spacing: str = "auto") -> Grid:

@@ -230,6 +230,28 @@ def test_planes_that_hardly_cross_are_a_warning(tilt):
     assert tilted_planes(10.1).line_grid(cylinder()).warnings == ()
 
 
+@pytest.mark.parametrize("open_from", [0.045, 0.055])
+@pytest.mark.parametrize("margin", [None, 0.002])
+@pytest.mark.parametrize("kind", ["tube", "sector", "auto"])
+def test_automatic_margin_that_leaves_most_of_a_tube_is_a_warning(kind, margin, open_from):
+    """Length, position of the end and advice; none from half of the length on, and none with a margin of the author."""
+    mesh = keep(cylinder(along=40), lambda c: (c[:, 2] < open_from) | (c[:, 0] < 0) | (np.abs(c[:, 1]) > 0.008))
+    if kind == "auto":
+        warnings = fit_to_tolerance(mesh, 0.01, axis=Z_AXIS, margin=margin).warnings
+    else:
+        grid = TubeGrid(6, 16) if kind == "tube" else SectorGrid(6, 6, -0.5, 0.5)
+        grid = replace(grid, region=replace(grid.region, axis=Z_AXIS, margin=margin))
+        warnings = grid.line_grid(mesh).warnings
+    found = [warning for warning in warnings if warning.code == "short-surface"]
+    assert len(found) == (margin is None and open_from < LENGTH / 2)
+    for warning in found:
+        text = r"The surface covers 4\d\.\d mm of the 100\.0 mm of the mesh along the axis\. Beyond the end at"
+        assert re.match(text, str(warning))
+        assert_allclose((warning.value, warning.where.point[2]), (0.45, 0.045), rtol=0.05)
+        assert warning.where.names == "the last u-plane"
+        assert_one_line_with_advice(str(warning))
+
+
 def test_warnings_of_the_planes_come_with_the_fit():
     """A warning about the lines is a warning about the surface too."""
     lines = GRID.line_grid(cylinder())
