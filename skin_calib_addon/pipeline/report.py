@@ -24,6 +24,7 @@ from .calibrate import Calibrated
 from .place_skins import PlacedSkin
 
 # Reported qualities of boards that are lengths [m].
+COUNTED = "(parallel faces at any distance)"  # which parts of the mesh count for the errors from mesh to surface
 BOARD_LENGTHS = ("pitch_error", "gap", "collision", "overhang")
 
 
@@ -69,7 +70,7 @@ def _surface_summary(result: Calibrated, name: str) -> Iterator[str]:
         f"{fit.missing:.1%} of the samples missing"
     )
     yield f"surface to mesh  {_millimetres(fit.errors.surface_to_mesh)}"
-    yield f"mesh to surface  {_millimetres(fit.errors.mesh_to_surface)}"
+    yield f"mesh to surface  {_millimetres(fit.errors.mesh_to_surface)} {COUNTED}"
     yield f"Hausdorff        {fit.errors.hausdorff * 1e3:.4f} mm"
 
 
@@ -279,7 +280,7 @@ def table(calibration: LinkCalibration) -> str:
         lines += (
             f"surface   {s.name}: {n} x {m} control points, degree {s.degree}{closed}",
             f"          surface to mesh: {_millimetres(s.errors.surface_to_mesh)}",
-            f"          mesh to surface: {_millimetres(s.errors.mesh_to_surface)}",
+            f"          mesh to surface: {_millimetres(s.errors.mesh_to_surface)} {COUNTED}",
         )
     for p in calibration.patches:
         lines += _patch_lines(p)

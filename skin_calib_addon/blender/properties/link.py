@@ -49,7 +49,10 @@ class SKIN_PG_result(bpy.types.PropertyGroup):
         **LENGTH,
     )
     hausdorff: FloatProperty(
-        name="Hausdorff", description="Largest distance of these points, and of points of the mesh", **LENGTH
+        name="Hausdorff",
+        description="Largest distance of these points, and of points of faces of the mesh that are parallel to the "
+        "surface, at any distance",
+        **LENGTH,
     )
     control_points: IntProperty(name="Control Points", description="Control points of the surface", **FIXED)
     taxels: IntProperty(name="Taxels", description="Taxels of all skins", **FIXED)

@@ -288,6 +288,7 @@ def mesh_to_surface(
 
     Only those parts of the mesh count that have their footpoint inside the surface, over sites that hit the mesh, with
     a normal nearly parallel to that of the surface. Where the winding of the faces is mixed, it may be antiparallel.
+    They count at any distance: a fold that the surface misses is an error, and a part below it is not distinguished.
 
     Parameters
     ----------

@@ -129,6 +129,7 @@ def test_fit_writes_report_and_picture(folder, capsys):
     assert set(report["seconds"]) == {"load", "cut", "fit", "wrap", "errors"}
     out = capsys.readouterr().out
     assert f"Hausdorff        {errors.hausdorff * 1e3:.4f} mm" in out
+    assert " mm (parallel faces at any distance)\n" in out[out.index("mesh to surface  mean ") :]
     there = errors.surface_to_mesh
     assert f"mean {there.mean * 1e3:.4f}, rms {there.rms * 1e3:.4f}, max {there.max * 1e3:.4f} mm" in out
 
@@ -392,10 +393,10 @@ def test_show_prints_all_data_of_a_calibration(tmp_path, capsys):
         "response  0.25 I - 0.001 I^2 N for a reading I; 2 more for single taxels",
         "surface   tube: 3 x 11 control points, degree (2, 3), closed in v",
         "          surface to mesh: mean 0.0150, rms 0.0250, max 0.1100 mm",
-        "          mesh to surface: mean 0.0100, rms 0.0200, max 0.1000 mm",
+        "          mesh to surface: mean 0.0100, rms 0.0200, max 0.1000 mm (parallel faces at any distance)",
         "surface   plane: 2 x 2 control points, degree (1, 1)",
         "          surface to mesh: mean 0.0150, rms 0.0250, max 0.1100 mm",
-        "          mesh to surface: mean 0.0100, rms 0.0200, max 0.1000 mm",
+        "          mesh to surface: mean 0.0100, rms 0.0200, max 0.1000 mm (parallel faces at any distance)",
         "patch     sheet: sheet of 2 x 3, 6 taxels, channels 0 to 5",
         "          on tube; pitch 10.00 x 10.00 mm; areas 100.00 to 100.00 mm^2",
         "          from (26.7, -5.0, 0.0) mm to (35.0, 23.1, 20.0) mm",

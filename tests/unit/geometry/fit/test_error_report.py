@@ -27,6 +27,7 @@ from tests.shapes import (
     keep,
     plane_surface,
     sheet,
+    together,
     wrist,
 )
 
@@ -62,6 +63,15 @@ def test_errors_look_where_mesh_and_surface_lie_over_each_other():
     for m in (mesh, walls):
         errors = errors_of(m, plane_surface(), np.ones((10, 10), bool))
         assert_allclose([e.max for e in errors], 0.001, rtol=1e-9)
+
+
+def test_errors_count_parallel_faces_at_any_distance():
+    """A second floor 20 mm below counts, as a fold that the surface misses does. A ceiling does not."""
+    mesh, floor = sheet(lambda x, y: 0 * x + 0.001), sheet(lambda x, y: 0 * x - 0.02)
+    ceiling = weld(floor.vertices, floor.faces[:, ::-1])
+    for other, expected in ((floor, 0.02), (ceiling, 0.001)):
+        found = mesh_to_surface(together(mesh, other), plane_surface(), np.ones((10, 10), bool), 1)
+        assert_allclose((found.max, found.mean), (expected, (expected + 0.001) / 2), rtol=0.02)
 
 
 def test_errors_leave_out_what_no_sample_met():
