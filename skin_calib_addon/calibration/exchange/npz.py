@@ -25,5 +25,5 @@ def write_npz(calibration: LinkCalibration) -> bytes:
     }
     if np.isfinite(taxels.sigma).any():
         arrays["sigma"] = taxels.sigma
-    np.savez(file, allow_pickle=False, **arrays)
+    np.savez(file, **arrays)  # NumPy 1 would write further keywords as arrays
     return file.getvalue()

@@ -203,6 +203,7 @@ def test_poses_are_what_isaac_reads():
     """Floats (n, 3, 4) with the normal as third axis, and different pixels, without pickle."""
     content, taxels = written("npz")
     with np.load(io.BytesIO(content), allow_pickle=False) as file:
+        assert file.files == ["poses", "taxel2pixel", "channel", "id"], "no array that the page does not describe"
         poses, pixels = file["poses"], file["taxel2pixel"]
         assert file["id"].tolist() == list(taxels.ids) and (file["channel"] == taxels.channels).all()
     assert poses.shape == (13, 3, 4) and pixels.shape == (13, 2) and pixels.dtype.kind == "i"

@@ -53,9 +53,10 @@ def test_point_clouds_have_columns_of_the_uncertainty(write, read, end):
 
 
 def test_poses_have_the_uncertainty():
-    """As an array with NaN where it is unknown."""
+    """As one more array, with NaN where it is unknown."""
     calibration, sigma = with_sigma()
     with np.load(io.BytesIO(write_npz(calibration))) as file:
+        assert file.files == ["poses", "taxel2pixel", "channel", "id", "sigma"]
         assert_allclose(file["sigma"], sigma, rtol=0)
 
 
