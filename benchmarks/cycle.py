@@ -246,11 +246,17 @@ class Statements:
             state[:] = sure | pair | (state & (signal > noise.release))
             step = np.clip(((signal - noise.mean) / noise.sigma - 1) / 2, 0, 1)
             self.weights = step**2 * (3 - 2 * step)
-            clear = (self.weights * (signal - noise.free)) @ noise.slopes
+            clear = (self.weights * (signal - noise.free)) @ noise.slopes - (1 - self.weights) @ noise.rectified
+            counted = forces
             if excess > 1.1 * clear:
-                self.weights += np.clip((excess / clear - 1.1) / 0.2, 0, 1) * (1 - self.weights) if clear > 0 else 1
+                hidden = np.clip((excess / clear - 1.1) / 0.2, 0, 1) if clear > 0 else 1
+                self.weights += hidden * (1 - self.weights)
+                below = np.where(signal <= noise.clip, noise.below_clip, (signal - noise.mean) * noise.slopes)
+                counted = forces + np.minimum(below, 0)
+            pushes = self.weights * counted - (1 - self.weights) * noise.rectified
         else:
             state[:], possible, self.weights = False, np.zeros(len(state), bool), np.zeros(len(state))
+            pushes = np.zeros(len(state))
         same = signal == self.last
         self.since[~same] = now
         self.last = signal
@@ -264,7 +270,7 @@ class Statements:
             "too_large": bool((forces > 1e6).any()),
             "drift": abs(self.drift) > 0.3,
         }
-        return forces, sure, possible, self.weights * forces
+        return forces, sure, possible, pushes
 
     def sigma(self, readings: Array, forces: Array, pushes: Array, point: Array, load: float) -> Array:
         """Return the standard deviations of a point of the ground."""

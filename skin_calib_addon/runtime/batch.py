@@ -158,9 +158,9 @@ class Processor:
         excess = signed @ noise.slopes - noise.free_sum
         has_load = switched.any(axis=1) | (excess > noise.load_level)
         keeps = (signed > noise.release) & positive & has_load[:, None]
-        pushes = _weights(noise, signed, excess)
-        pushes *= forces
+        pushes = _pushes(noise, signed, forces, excess)
         pushes[~has_load] = 0.0
+        pushes[~known] = 0.0
         return switched, keeps, pushes, has_load
 
     def _sums(self, pushes: Array, active: BoolArray) -> Array:
@@ -232,23 +232,27 @@ def _states(switched: BoolArray, keeps: BoolArray, before: BoolArray) -> BoolArr
     return (last & 1).astype(bool)
 
 
-def _weights(noise: Noise, signed: Array, excess: Array) -> Array:
-    """Return the weights (T, n) of the taxels in the sums, as :meth:`.Noise.weights` does for one row.
+def _pushes(noise: Noise, signed: Array, forces: Array, excess: Array) -> Array:
+    """Return the parts (T, n) of the taxels in the sums [N], as :meth:`.Noise.pushes` does for one row.
 
     Parameters
     ----------
     noise : Noise
         Of the skin.
-    signed : array, shape (T, n)
-        Signed readings.
+    signed, forces : array, shape (T, n)
+        Signed readings, and the forces that follow from them [N].
     excess : array, shape (T,)
         Sums of the forces near rest, without their mean [N].
     """
     weights = noise.steps(signed)
-    clear = (weights * (signed - noise.free)) @ noise.slopes
+    clear = noise.clear(weights, signed)
     few = excess > (1 + HIDDEN_LOAD[0]) * clear
     excess, clear = excess[few], clear[few]
     with np.errstate(divide="ignore", invalid="ignore"):
         hidden = np.where(clear > 0, np.minimum(hidden_weight(excess / clear), 1.0), 1.0)
     weights[few] += hidden[:, None] * (1 - weights[few])
-    return weights
+    pushes = forces + noise.rectified
+    pushes[few] += noise.negative(signed[few])
+    pushes *= weights
+    pushes -= noise.rectified
+    return pushes

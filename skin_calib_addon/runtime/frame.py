@@ -45,14 +45,14 @@ class Frame:
     saturated: BoolArray  # (n,) whether the force may be larger
     stuck: BoolArray  # (n,) whether the reading of an active taxel has not changed for too long
     contacts: tuple[Contact, ...]
-    wrench: Array  # (6,) of all contacts about the origin of the link [N, N m]; NaN if it is unknown
+    wrench: Array  # (6,) of all taxels about the origin of the link [N, N m]; NaN if it is unknown
     flags: frozenset[str]
     problem: str | None  # why the complete reading was refused
     footprint: Footprint | None  # the active taxels; None if they are unknown
     sets: Touched | None = None  # which taxels are touched, surely and possibly, and their weights in the sums
     noise: Noise | None = None  # None if it is unknown
     terms: Terms | None = None  # of the sums
-    pushes: Array | None = None  # (n,) weighted force of each taxel [N]
+    pushes: Array | None = None  # (n,) part of each taxel in the sums [N], see Touched
     sums: Array | None = None  # (12,) of :attr:`.Terms.sums`
     deviations: Callable[[], Array] | None = None  # computes force_sigmas
     modalities: Mapping[str, ModalityValues] = field(default_factory=dict)  # all that the calibration names
@@ -200,14 +200,14 @@ class Frame:
         skin = self.footprint.skin
         if not self._is_complete:
             sigmas = np.where(self.known, sigmas, 0.0)
-        variances, left_out = self.sets.weights * sigmas, self.forces - pushes
+        variances, left_out = self.sets.weights * sigmas, (1 - self.sets.weights) * self.forces
         variances *= variances
         left_out *= left_out
         variances += left_out
         if not self._is_complete:
             unknown = (~self.known).nonzero()[0]
             variances[unknown] = skin.mean_around(pushes, unknown) ** 2
-        rows = pushes.nonzero()[0]
+        rows = (pushes > 0).nonzero()[0]
         uneven = np.maximum(pushes[rows] - skin.mean_around(pushes, rows), 0.0)
         uneven *= uneven
         return variances, float(uneven.dot(skin.areas[rows])) / 12  # a square has a second moment of 1/12 per area

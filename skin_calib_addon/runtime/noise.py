@@ -127,6 +127,9 @@ class Noise:
     free_sum: float  # its sum, weighted by the slopes [N]
     load_level: float  # sum above it by which there is a load [N]
     common: float  # standard deviation of the sum, as a multiple of that of independent taxels; at least 1
+    rectified: Array  # (n,) force that the noise of a free taxel would add to the sums, over the mean of 1 - weight [N]
+    clip: Array  # (n,) signed reading to which lower ones are clipped; minus infinity if none are
+    below_clip: Array  # (n,) mean force near rest of the readings that it hides, negative [N]
     detection_limits: Array  # (n,) force from which on the outer polygon contains a taxel [N]
     load_limit: float  # force from which on the sum of all taxels is a load [N]
 
@@ -151,24 +154,55 @@ class Noise:
         """Return the sum of the forces near rest of signed readings (n,), without its mean [N]; not cut off at zero."""
         return float(signed.dot(self.slopes)) - self.free_sum
 
-    def weights(self, signed: Array, excess: float) -> Array:
-        """Return the weight (n,) of each taxel in sums: 0 near rest, 1 for clear contacts, with a smooth step.
+    def pushes(self, signed: Array, forces: Array, excess: float) -> tuple[Array, Array]:
+        r"""Return the weight (n,) of each taxel in sums, and its part of them (n,) [N].
 
-        A light foot on flat ground has all of its load below the noise of single taxels. The more of the load is there,
-        the more all taxels count.
+        The weight is 0 near rest and 1 for clear contacts, with a smooth step. A light foot on flat ground has all of
+        its load below the noise of single taxels. The more of the load is there, the more all taxels count.
+
+        Forces and weights are never negative, so that the noise of free taxels would add up in the sums. A taxel with
+        the weight w and the force f therefore counts with
+
+        .. math:: w f - (1 - w)\, r , \qquad r = \frac{E[w f]}{E[1 - w]} \text{ at rest,}
+
+        which is zero on average without contact, and f for clear contacts. Where all taxels count, forces near rest may
+        be negative.
 
         Parameters
         ----------
-        signed : array, shape (n,)
-            Signed readings.
+        signed, forces : array, shape (n,)
+            Signed readings, and the forces that follow from them [N].
         excess : float
             Result of :meth:`excess` [N].
         """
         weights = self.steps(signed)
-        clear = float((weights * (signed - self.free)).dot(self.slopes))
+        clear = float(self.clear(weights, signed))
         if excess > (1 + HIDDEN_LOAD[0]) * clear:
             weights += (min(hidden_weight(excess / clear), 1.0) if clear > 0 else 1.0) * (1 - weights)
-        return weights
+            forces = forces + self.negative(signed)
+        pushes = forces + self.rectified
+        pushes *= weights
+        pushes -= self.rectified
+        return weights, pushes
+
+    def clear(self, weights: Array, signed: Array) -> Array:
+        """Return the load of the taxels that are clear of the noise [N], zero on average without contact.
+
+        Parameters
+        ----------
+        weights, signed : array, shape (..., n)
+            Results of :meth:`steps`, and signed readings.
+        """
+        offsets, total = self._clear_terms
+        return (weights * signed).dot(self.slopes) + weights.dot(offsets) - total
+
+    def negative(self, signed: Array) -> Array:
+        """Return how far the forces near rest of signed readings (..., n) are below zero [N]; 0 above.
+
+        A clipped reading counts with the mean of what the clipping hides, so that the mean of a free taxel is zero.
+        """
+        below = np.where(signed <= self.clip, self.below_clip, (signed - self.mean) * self.slopes)
+        return np.minimum(below, 0.0, out=below)
 
     @cached_property
     def levels(self) -> Array:
@@ -196,6 +230,11 @@ class Noise:
         return bool(self.dead.any())
 
     @cached_property
+    def _clear_terms(self) -> tuple[Array, float]:
+        """Offsets (n,) that the weights multiply in :meth:`clear`, and the sum that is subtracted [N]."""
+        return self.rectified - self.free * self.slopes, float(self.rectified.sum())
+
+    @cached_property
     def _step_line(self) -> tuple[Array, Array]:
         """Factor and summand (n,) that map signed readings to 0 at the start of the step and 1 at its end."""
         scale = 1 / (self.sigma * (WEIGHT_FULL - WEIGHT_START))
@@ -206,13 +245,18 @@ class Noise:
         scale, offset = self._step_line
         step = signed * scale
         step += offset
-        np.maximum(step, 0.0, out=step)
-        np.minimum(step, 1.0, out=step)
-        square = step * step
-        step *= -2
-        step += 3
-        square *= step
-        return square
+        return _smooth(step)
+
+
+def _smooth(step: Array) -> Array:
+    """Return the smooth step of numbers: 0 up to 0, 1 from 1 on. The numbers are overwritten."""
+    np.maximum(step, 0.0, out=step)
+    np.minimum(step, 1.0, out=step)
+    square = step * step
+    step *= -2
+    step += 3
+    square *= step
+    return square
 
 
 class Rest:
@@ -316,6 +360,11 @@ def learned(rows: Array, responses: "TaxelResponses", pairs: IntArray, is_whole:
     k += (k * k - 1) * max(skewness, 0.0) / 6  # Cornish and Fisher 1938
     if_alone = float(np.linalg.norm(slopes * rows.std(axis=0, ddof=1)))  # of the sum, if taxels have no common noise
     common = max(1.0, deviation / if_alone) if if_alone else 1.0
+    amplitudes, deviation_at_rest = sigma * slopes, (rows - mean) / sigma
+    weights = _smooth((deviation_at_rest - WEIGHT_START) / (WEIGHT_FULL - WEIGHT_START))
+    passes, leaves_out = (weights * deviation_at_rest) @ amplitudes, (1 - weights) @ amplitudes
+    low, free = rows.min(axis=0), rows.mean(axis=0)
+    hidden = low - mean - (free - mean) / (rows == low).mean(axis=0)  # deviation of the readings that are clipped
     # the reading has to pass the threshold by less than a step, half of which rounding may take
     limits = responses.forces(rest + responses.sign * (POSSIBLE * sigma + step / 2 + LIMIT_MARGIN * spread))
     return Noise(
@@ -332,10 +381,13 @@ def learned(rows: Array, responses: "TaxelResponses", pairs: IntArray, is_whole:
         repeats=repeats,
         frame_repeats=float(frame_repeats),
         slopes=slopes,
-        free=rows.mean(axis=0),
+        free=free,
         free_sum=float(sums.mean()),
         load_level=k * deviation,
         common=common,
+        rectified=amplitudes * (passes.sum() / max(float(leaves_out.sum()), np.finfo(float).tiny)),
+        clip=np.where(clipped > 0, low, -np.inf),
+        below_clip=np.minimum(hidden * slopes, 0.0),
         detection_limits=limits,
         load_limit=LOAD_LIMIT * common * float(np.linalg.norm(slopes * sigma)),
     )

@@ -394,7 +394,7 @@ class Skin:
             self._readings.drift.drop_block()
         terms = self._terms if self.ground is None or not footprint.is_full else self.ground.full_contact
         contacts = contacts_of(footprint, forces, self._identities.follow(footprint), terms)
-        pushes = touched.weights * forces
+        pushes = touched.pushes
         sums = terms.sums.dot(pushes)
         self._clock.accept(time)
         self._readings.accept(raw, unchanged, time)

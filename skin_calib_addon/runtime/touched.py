@@ -16,10 +16,11 @@ class Touched:
     sure: BoolArray | None  # (n,) whether it is surely touched; None: nothing is sure
     possible: BoolArray  # (n,) whether it is possibly touched
     weights: Array  # (n,) of its force in the sums
+    pushes: Array  # (n,) its part of the sums [N]; of free taxels zero on average
     stands: bool | None
 
     def __post_init__(self) -> None:
-        lock(self.active, self.sure, self.possible, self.weights)
+        lock(self.active, self.sure, self.possible, self.weights, self.pushes)
 
 
 class Streak:
@@ -71,7 +72,8 @@ def by_thresholds(
         active = state & known
         state = np.where(known, active, before)
         possible = active | ~known if np.count_nonzero(active) else active
-    return Touched(active, active if is_sure else None, possible, active.astype(float), None), state
+    weights = active.astype(float)
+    return Touched(active, active if is_sure else None, possible, weights, weights * forces, None), state
 
 
 def by_noise(
@@ -123,13 +125,17 @@ def by_noise(
     if excess <= noise.load_level and not len(rows) and not np.count_nonzero(sure):
         nothing = np.zeros(len(known), bool)
         state = nothing if is_complete else before & ~known
-        return Touched(nothing, nothing, nothing, nothing.astype(float), False), state
+        zeros = nothing.astype(float)
+        return Touched(nothing, nothing, nothing, zeros, zeros, False), state
     state = active = sure | (before & release)
     active[rows] = True
     if not is_complete:
         active = active & known
         state = np.where(known, active, before)
-    return Touched(active, sure | lasts, possible | lasts, noise.weights(signed, excess), True), state
+    weights, pushes = noise.pushes(signed, forces, excess)
+    if not is_complete:
+        pushes[~known] = 0.0
+    return Touched(active, sure | lasts, possible | lasts, weights, pushes, True), state
 
 
 def has_neighbour(which: BoolArray, neighbours: IntArray) -> BoolArray:

@@ -82,6 +82,27 @@ def test_rest_ends_after_250_frames_at_least_3_5_milliseconds_apart():
     assert k == 4 * 249 + 1
 
 
+@pytest.mark.parametrize("offset", [0.0, 50.0])
+@pytest.mark.parametrize(("cells", "newtons"), [(2, 10.0), (8, 10.0), (21, 0.8), (42, 0.8)])
+def test_noise_of_free_taxels_moves_neither_load_nor_cop(cells, newtons, offset):
+    """A few pressed cells, and loads below the noise of each cell: errors are zero on average, sigma holds 95 %."""
+    rng, skin = np.random.default_rng(5), sole()
+    skin.tare(read(rng, FREE, frames=300, offset=offset))
+    forces = np.where(np.arange(N) < cells, newtons, 0.0)
+    point = forces @ skin.ground.centres / forces.sum()
+    loads, cops, ratios = [], [], []
+    readings = read(rng, forces, frames=400, offset=offset)
+    for k, reading in enumerate(readings):
+        frame = skin.update(reading, 10 + 0.004 * k)
+        loads.append(frame.load - forces.sum())
+        cops.append(frame.cop - point)
+        ratios.extend((loads[-1] / frame.load_sigma, *(cops[-1] / frame.cop_sigma)))
+    assert abs(np.mean(loads)) < 0.35 * np.std(loads)
+    assert (np.abs(np.mean(cops, axis=0)) < 0.35 * np.std(cops, axis=0)).all()
+    assert np.mean(np.abs(ratios) < 2) > 0.93
+    assert_allclose(skin.batch(readings).load, np.array(loads) + forces.sum(), rtol=1e-6)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("rest", ["tare", "frames"])
 @pytest.mark.parametrize("offset", [0.0, 4.0])
