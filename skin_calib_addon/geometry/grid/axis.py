@@ -46,6 +46,8 @@ SQUARE_MOMENT = 0.2
 # [1] ratio of areas from which on the smallest rectangle around a nearly square face gives its direction. Larger: fewer
 # faces; smaller: the corners of round ones decide. It is exceeded 0.6 degrees from the sides of a square.
 RECTANGLE_RATIO = 1.02
+# [fraction of the mesh size] distance below which planes are equal. Larger: more planes are refused.
+SAME_PLANE_FRACTION = 1e-6
 TRIAL_STATIONS = 192  # [1] tried for complete sections. Larger: narrower openings are seen, more time
 # [1] halvings of a step that find the end of the complete sections, to 1/512 of it. Larger: more accurate, more time.
 END_HALVINGS = 9
@@ -392,7 +394,7 @@ def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None,
     height = frame.stations(mesh.vertices)
     low, high = float(height.min()), float(height.max())
     if margin is not None:
-        if low + margin >= high - margin:
+        if high - low - 2 * margin < SAME_PLANE_FRACTION * mesh.size:
             raise InvalidPlan(
                 f"A margin of {margin * 1e3:g} mm at both ends leaves nothing of the {(high - low) * 1e3:.1f} mm "
                 "along the axis. Reduce it.",

@@ -12,7 +12,15 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import TubeFrame
 from ..sampling.planes import Planes
 from ..sampling.samples import cast_rays
-from .axis import FULL_TURN_ANGLES, MIN_TUBE_LENGTH, SECTION_ITERATIONS, TRIAL_STATIONS, longest_run, run_between
+from .axis import (
+    FULL_TURN_ANGLES,
+    MIN_TUBE_LENGTH,
+    SAME_PLANE_FRACTION,
+    SECTION_ITERATIONS,
+    TRIAL_STATIONS,
+    longest_run,
+    run_between,
+)
 
 # [1] stations at which centres are found. Larger: more bends are seen, more time.
 CENTRE_COUNT = 15
@@ -224,6 +232,6 @@ def curved_axis_span(mesh: TriangleMesh, axis: CurvedAxis, margin: float | None)
         )
     if margin is None:
         return low, high
-    if low + margin >= high - margin:
+    if high - low - 2 * margin < SAME_PLANE_FRACTION * mesh.size:
         raise InvalidPlan(f"A margin of {margin * 1e3:g} mm at both ends leaves nothing along the axis. Reduce it.")
     return low + margin, high - margin

@@ -13,7 +13,7 @@ from ..sampling.frames import TubeFrame, frame_of
 from ..sampling.lines import LineGrid
 from ..sampling.planes import Planes
 from ..sampling.rays import TURN
-from .axis import FULL_TURN_ANGLES, Axis, find_axis, long_direction, stations_between, tube_frame
+from .axis import FULL_TURN_ANGLES, SAME_PLANE_FRACTION, Axis, find_axis, long_direction, stations_between, tube_frame
 from .curved_axis import CurvedAxis, curved_axis_span, find_curved_axis
 from .error_model import ErrorModel
 from .outlines import region_centre
@@ -44,8 +44,6 @@ CONCURRENCE_TOLERANCE = 1e-9
 # [1] length of the mean unit direction below which lines start at an axis (0.95: they span 60 degrees or more). Larger:
 # more open grids start at an axis.
 MIN_MEAN_DIRECTION = 0.95
-# [fraction of the mesh size] distance below which planes are equal. Larger: more planes are refused.
-SAME_PLANE_FRACTION = 1e-6
 # [cosine] between the normal of a mesh face and that of an across grid above which the face belongs to the grid. 60
 # degrees is a usual chamfer, so the limit is 61. Larger: the grid ends farther from the rim.
 MIN_FACING_COSINE = np.cos(np.deg2rad(61.0))

@@ -536,6 +536,21 @@ def test_places_move_with_the_mesh():
     assert_allclose(station, named(str(here.warnings[0]), here.lines)[0][2], atol=2e-4)
 
 
+def test_planes_are_left_out_of_their_neighbourhood_only(monkeypatch):
+    """Of 40 planes, a surface without one has at most 20, and the error differs by less than a thousandth."""
+    fit, counts, fit_lines = fit_surface(cylinder(), TubeGrid(40, 12, Z_AXIS, 0.01)), [], fit_module.fit_lines
+
+    def counted(mesh, lines, degree):
+        counts.append(len(lines.planes_u))
+        return fit_lines(mesh, lines, degree)
+
+    monkeypatch.setattr(fit_module, "fit_lines", counted)
+    near = fit_module.leave_one_out(fit)
+    assert len(near) == len(counts) == 38 and max(counts) == 20
+    monkeypatch.setattr(fit_module, "NEAR_PLANES", 40)
+    assert_allclose(near, fit_module.leave_one_out(fit), rtol=1e-3)
+
+
 def test_planes_that_cannot_be_spared_are_not_left_out():
     """As many planes as the degree needs: no error without one of them; one more plane, and there are errors."""
     assert len(fit_module.leave_one_out(fit_surface(cylinder(), TubeGrid(4, 12, Z_AXIS, 0.01)))) == 0

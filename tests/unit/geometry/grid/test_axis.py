@@ -266,9 +266,9 @@ def test_sections_are_complete_where_every_ray_meets_them():
     assert rays_hit(sections, frame, np.linspace(2, 4, 30)).all(axis=1).tolist() == [True, True, False]
 
 
-@pytest.mark.parametrize("margin", [0.05, 0.06, 10.0])
+@pytest.mark.parametrize("margin", [0.05, 0.05 - 1e-15, 0.06, 10.0])
 def test_margin_that_leaves_nothing_is_refused(margin):
-    """Half of the length or more at each end; the numbers are in the message and on the error."""
+    """Half of the length, but for rounding, or more at each end; the numbers are in the message and on the error."""
     with pytest.raises(
         InvalidPlan, match=rf"margin of {margin * 1e3:g} mm .* of the 100\.0 mm along the axis"
     ) as caught:
