@@ -2,6 +2,7 @@
 
 import ast
 import re
+import runpy
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
@@ -102,6 +103,31 @@ def test_command_in_the_documentation_is_valid(line):
     """The parser accepts it."""
     words = shlex.split(line, comments=True)
     assert cli.build_parser().parse_args(words[1:]).run
+
+
+def test_tutorials_show_what_their_programs_print(tmp_path, monkeypatch, capsys):
+    """Their commands, scripts and Python run one after the other; each text block is a part of what was printed."""
+    for name in ("sample_scenes", "examples"):
+        (tmp_path / name).symlink_to(ROOT / name, target_is_directory=True)
+    monkeypatch.chdir(tmp_path)
+    shown = 0
+    for page in ("command_line", "controller"):
+        printed, text = "", (DOCS / f"tutorial/{page}.md").read_text("utf-8")
+        for kind, block in re.findall(r"```(sh|python|text)\n(.*?)```", text, re.DOTALL):
+            if kind == "text":
+                shown += 1
+                assert block in printed
+            elif kind == "python" and "import" in block:
+                exec(block, {})
+            elif kind == "sh":
+                for program, *arguments in (shlex.split(line) for line in block.splitlines()):
+                    if program == "skin-calib":
+                        assert cli.main(arguments) == 0
+                    elif program == "python":
+                        monkeypatch.setattr("sys.argv", arguments)
+                        runpy.run_path(arguments[0], run_name="__main__")
+            printed += capsys.readouterr().out
+    assert shown == 4
 
 
 @pytest.mark.parametrize("page", ["reference/window.md", "tutorial/blender.md", "how-to/planes.md", "how-to/boards.md"])
