@@ -9,6 +9,7 @@ from scipy.ndimage import map_coordinates, uniform_filter1d
 from scipy.sparse import csr_array
 
 from ...common.arrays import Array, BoolArray, IntArray, cross, unit
+from ..mesh.defects import coherent
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.samples import MIN_FACET_COSINE, RaySamples
@@ -326,6 +327,9 @@ def error_field(
     """
     known = ~np.isnan(samples.residuals)
     slope = np.einsum("klc,klc->kl", samples.rays, mesh.face_normals[samples.faces])
+    if len(np.unique(np.sign(slope[known]))) > 1:  # normals of vertices need faces that are wound alike
+        mesh = coherent(mesh)
+        slope = np.einsum("klc,klc->kl", samples.rays, mesh.face_normals[samples.faces])
     cosine = np.maximum(np.abs(slope), MIN_FACET_COSINE)
     faces, points = samples.faces[known], samples.points[known]
 

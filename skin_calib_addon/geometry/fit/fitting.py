@@ -9,6 +9,7 @@ from ...common.arrays import Array
 from ...common.errors import EmptySection, PoorFit, millimetres
 from ...common.warnings import Place, Warning, point_of
 from ..grid.grids import Grid, PlanesGrid
+from ..mesh.defects import coherent
 from ..mesh.outliers import without_outliers
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import SITES_PER_SPAN, TensorBasis
@@ -51,6 +52,10 @@ STIFF_ITERATIONS = 2
 # [1] u-planes on either side of an omitted one, of which the surface without it is made. The effect of a plane is ten
 # thousand times smaller that far away. Larger: no visible effect, more time.
 NEAR_PLANES = 10
+# The advice where no ray hits a mesh with flipped faces.
+FLIPPED_ADVICE = (
+    "Some faces have a flipped normal, so that the grid does not see them. Recalculate the normals outside."
+)
 # [fraction of the samples] that may be missing; above, most of the surface would be extrapolated. Larger: fits over
 # larger holes are allowed.
 MAX_MISSING_FRACTION = 0.5
@@ -186,7 +191,7 @@ def fit_lines(
     rows = SampleRows.of(mesh, lines, basis, again=draft)
     offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size)
     samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
-    check_coverage(lines, basis, samples)
+    check_coverage(mesh, lines, basis, samples)
     offsets, samples, iterations, movement = iterate(lines, basis, rows, offsets, samples)
     if movement is None and looks_noisy(mesh, samples, 0.0, offsets.size):
         finer = TensorBasis.of(lines, *degree, sites_for_noise(mesh, basis, samples))
@@ -219,7 +224,7 @@ def fit_lines(
         offsets = offsets + basis.solve(samples.residuals + gaps, offsets, stiffness)
         samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
         iterations += 1
-    check_coverage(lines, basis, samples)  # the rays moved with the surface
+    check_coverage(mesh, lines, basis, samples)  # the rays moved with the surface
     surface = surface_at(lines, basis, offsets)
     found = SurfaceFit(mesh, lines, basis, offsets, surface, samples, iterations, movement, noise)
     return replace(found, stiffness=stiffness, refused_chords=refused_chords)
@@ -315,11 +320,13 @@ def rms_residual(residuals: Array) -> float:
     return float(np.sqrt(np.nanmean(residuals**2)))
 
 
-def check_coverage(lines: LineGrid, basis: TensorBasis, samples: RaySamples) -> None:
+def check_coverage(mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples) -> None:
     """Check that each plane and line is near samples that hit the mesh, or that are outside the boundary.
 
     Parameters
     ----------
+    mesh : TriangleMesh
+        The mesh. A grid across a face takes its direction and extent from the faces with outward normals.
     lines : LineGrid
         The lines of the control points.
     basis : TensorBasis
@@ -346,8 +353,12 @@ def check_coverage(lines: LineGrid, basis: TensorBasis, samples: RaySamples) -> 
                 (f"u-plane {i}", lines.origins[i, 0]) if what == "u" else (lines.v_names[i], lines.origins[0, i])
             )
             raise EmptySection(
-                f"{name}, through {millimetres(place)}, does not intersect the mesh. Move it, increase the margin, or "
-                "choose another axis.",
+                f"{name}, through {millimetres(place)}, does not intersect the mesh. "
+                + (
+                    "Move it, increase the margin, or choose another axis."
+                    if lines.closed or coherent(mesh) is mesh
+                    else FLIPPED_ADVICE
+                ),
                 plane=i,
                 place=Place(point_of(place), name),
             )

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -161,11 +162,7 @@ def diagnose(vertices: Any, faces: Any) -> Diagnosis:
         As :func:`weld` does.
     """
     mesh = weld(vertices, faces)
-    half = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    face = np.repeat(np.arange(len(mesh.faces)), 3)
-    numbers, edge, faces_at = np.unique(
-        half.min(axis=1) * len(mesh.vertices) + half.max(axis=1), return_inverse=True, return_counts=True
-    )
+    half, face, numbers, edge, faces_at = _edges(mesh)
     edges = np.column_stack(np.divmod(numbers, len(mesh.vertices)))
     on_rim = faces_at[edge] == 1
     part, seen = shells(mesh), is_outer(mesh)
@@ -187,6 +184,36 @@ def diagnose(vertices: Any, faces: Any) -> Diagnosis:
         inward=_inward(mesh, part, seen, flipped),
         one_sided=one_sided,
     )
+
+
+@lru_cache(maxsize=4)  # repeated fits, as in the window, keep it
+def coherent(mesh: TriangleMesh) -> TriangleMesh:
+    """Return a mesh whose faces are wound as most of their part; the same mesh if all are.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        With flipped faces, or without.
+
+    Returns
+    -------
+    TriangleMesh
+        With the same rows of faces.
+    """
+    half, face, _, edge, faces_at = _edges(mesh)
+    flipped, _ = _sides(mesh, shells(mesh), half, edge, face, faces_at)
+    if not flipped.any():
+        return mesh
+    return TriangleMesh(mesh.vertices, np.where(flipped[:, None], mesh.faces[:, ::-1], mesh.faces))
+
+
+def _edges(mesh: TriangleMesh) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray]:
+    """Return directed edges, their faces, the numbers of edges, the index of each directed one, and the counts."""
+    half = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    numbers, edge, faces_at = np.unique(
+        half.min(axis=1) * len(mesh.vertices) + half.max(axis=1), return_inverse=True, return_counts=True
+    )
+    return half, np.repeat(np.arange(len(mesh.faces)), 3), numbers, edge, faces_at
 
 
 def edges_at(segments: Array, vertices: Array, edges: IntArray) -> BoolArray:

@@ -5,9 +5,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from sample_scenes.shapes import tube_mesh
-from skin_calib_addon.geometry import TubeGrid, fit_surface
+from skin_calib_addon.common.errors import EmptySection
+from skin_calib_addon.geometry import AcrossGrid, TubeGrid, fit_surface
 from skin_calib_addon.geometry.fit.error_field import at_rim, facet_gaps, vertex_normals
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cylinder, sheet, welded, with_hole
+from skin_calib_addon.geometry.mesh.defects import coherent
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cylinder, dome, sheet, welded, with_hole
 
 GRID = TubeGrid(8, 16, Z_AXIS, 0.004, "uniform")
 UV = np.random.default_rng(0).uniform(0.02, 0.98, (4000, 2))
@@ -145,6 +148,26 @@ def test_the_bias_of_facets_is_removed(sides):
     assert after < 0.1 * before
     height, _ = fit.error_field.at(UV)
     assert 0.5 * after < np.sqrt(height.mean()) < 2 * after
+
+
+def test_flipped_faces_keep_their_gaps():
+    """Of a third of the faces the winding is reversed: the surface through the vertices is the same."""
+    mesh = cylinder(around=96, along=6)
+    flipped = np.random.default_rng(0).random(len(mesh.faces)) < 0.3
+    mixed = TriangleMesh(mesh.vertices, np.where(flipped[:, None], mesh.faces[:, ::-1], mesh.faces))
+    expected, found = (fit_surface(m, GRID).error_field.surface.points(UV) for m in (mesh, mixed))
+    assert_allclose(found, expected, atol=1e-9)
+    assert coherent(mesh) is mesh
+
+
+def test_refusal_of_flipped_faces_names_them():
+    """A grid across a face takes its direction from outward normals; the same faces without flips are fitted."""
+    mesh, grid = dome(), AcrossGrid(8, 8, (0, 0, 1.0), margin=0.0)
+    flipped = np.random.default_rng(0).random(len(mesh.faces)) < 0.3
+    fit_surface(mesh, grid)
+    mixed = TriangleMesh(mesh.vertices, np.where(flipped[:, None], mesh.faces[:, ::-1], mesh.faces))
+    with pytest.raises(EmptySection, match="Some faces have a flipped normal.*Recalculate the normals outside"):
+        fit_surface(mixed, grid)
 
 
 def test_the_shape_that_the_net_cannot_follow_is_stated():
