@@ -358,7 +358,9 @@ def error_field(
             triangles = mesh.triangles[faces]
             normals = unit(cross(tangents[..., 0, :], tangents[..., 1, :]))  # those of the facets are noisy
             cosine = np.maximum(np.abs(np.einsum("klc,klc->kl", samples.rays, normals)), MIN_FACET_COSINE)
-            step, _ = rest(along_rays(gaps_below(surface_of(offsets), uv, triangles, points), cosine))
+            below = along_rays(gaps_below(surface_of(offsets), uv, triangles, points), cosine)
+            # as stiff as the fit: sites beat with the facets in both, and the beats have to cancel
+            step = basis.solve(below, np.zeros_like(offsets), stiffness)
             weights = barycentric(triangles, points)
             of_vertices = np.bincount(mesh.faces[faces].ravel(), weights.ravel())
             repeats = (of_vertices**2).sum() / of_vertices.sum() / (weights**2).sum(axis=1).mean()

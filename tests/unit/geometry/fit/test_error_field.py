@@ -170,6 +170,16 @@ def test_refusal_of_flipped_faces_names_them():
         fit_surface(mixed, grid)
 
 
+def test_facets_between_the_sites_of_a_scan_make_no_waves():
+    """100 sites around 96 facets beat four times; the fit is too stiff for the beats, and so is the known part."""
+    mesh = cylinder(around=96, along=30)
+    for seed in range(2):
+        noise = np.random.default_rng(seed).normal(0, 1e-4, mesh.vertices.shape)
+        fit = fit_surface(TriangleMesh(mesh.vertices + noise, mesh.faces), TubeGrid(10, 20, Z_AXIS))
+        known = off(fit.error_field.surface) - off(fit.surface)
+        assert fit.stiffness > 0 and known.mean() == pytest.approx(1.26e-5, rel=0.05) and known.std() < 1e-6
+
+
 def test_the_shape_that_the_net_cannot_follow_is_stated():
     """Twelve waves around a tube are too short for 16 lines; the stated height has the size of the error."""
 
