@@ -1,6 +1,7 @@
 """Write poses of taxels for Isaac Lab: the NPZ file of a DEX-01 ``CustomPatternCfg``, in metres."""
 
 import io
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ def write_npz(calibration: LinkCalibration) -> bytes:
     """
     taxels = taxels_of(calibration)
     file = io.BytesIO()
-    arrays = {
+    arrays: dict[str, Any] = {
         "poses": np.concatenate((taxels.axes, taxels.positions[:, :, None]), axis=2),
         "taxel2pixel": taxels.pixels,
         "channel": taxels.channels,
@@ -25,5 +26,5 @@ def write_npz(calibration: LinkCalibration) -> bytes:
     }
     if np.isfinite(taxels.sigma).any():
         arrays["sigma"] = taxels.sigma
-    np.savez(file, **arrays)  # NumPy 1 would write further keywords as arrays
+    np.savez(file, **arrays)  # NumPy 1 would write an option as an array, too
     return file.getvalue()
