@@ -73,7 +73,7 @@ def _check_order(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPl
 
 
 def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> TriangleMesh:
-    """Return the mesh without the cut parts and those that are not outside; draw the removed parts."""
+    """Draw the removed parts; return the mesh without them, or the mesh itself if no other planes need it."""
     valid = [i for i in range(len(planes.points["CUT"])) if ("CUT", i) not in sketch.wrong]
     cuts = [Cut(_triple(planes.points["CUT"][i]), _triple(unit(planes.normals["CUT"][i]))) for i in valid]
     removed, complete = _removed(mesh, CoverSpec(planes.shell, tuple(cuts)))
@@ -83,7 +83,7 @@ def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> TriangleMesh
     if len(removed):
         sketch.layers.append(Layer("PLANES", removed, np.tile(np.float32(REMOVED), (len(removed), 1))))
     if not len(planes.points["U"]) and not len(planes.points["V"]):
-        return mesh  # nothing is drawn on the cover
+        return mesh
     left = tuple(cut for k, cut in enumerate(cuts) if k not in complete)
     return cut_cover(_seen(mesh, planes.shell), CoverSpec("outer" if planes.shell == "outer" else "all", left))
 
