@@ -97,13 +97,13 @@ def exports(gui):
 
 
 def exports_taxels(gui):
-    """The file browser proposes the link's name with the extension of the format; the selected name is written."""
+    """The file browser proposes the name of the link and the extension of the format; the selected name is written."""
     path = gui.out / "wrist.xml"
     path.unlink(missing_ok=True)
     yield from press(gui, "skin_calib.export_taxels")
     yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
     browser = gui.area("FILE_BROWSER").spaces.active
-    assert browser.params.filename == "sample_wrist.csv", browser.params.filename
+    assert browser.params.filename == "sample_wrist_taxels.csv", browser.params.filename
     yield from gui.shot("export_taxels.png", area="FILE_BROWSER")
     browser.active_operator.format = "mjcf"
     yield from gui.choose_file(path)

@@ -148,7 +148,7 @@ def lay_boards(
             pose, boards = layout.at_start
         boards = boards[layout.outline_is_covered(boards, pose)]
         if not len(boards.cells):
-            width, height = layout.search.region.size * 1e3
+            width, height = layout.search.size * 1e3
             raise InvalidPlan(
                 f"no board with sides of {lattice.side * 1e3:g} mm fits completely in the region, which is {width:.1f} "
                 f"x {height:.1f} mm over all, with its centre within {MAX_DISTANCE * 1e3:g} mm and "

@@ -34,7 +34,6 @@ class Region:
     spacing: float  # of the nodes [m]
     pieces: Array  # (s, 2, 2) ends of the pieces of the border [m]
     inward: Array  # (s, 2) their unit normals into the region
-    size: Array  # (2,) width and height over all, around a tube once [m]
 
     @cached_property
     def _node_tree(self) -> cKDTree:
@@ -105,12 +104,9 @@ def region_of(to_flat: FlatMap, ground: Ground, pitch: float) -> Region:
     carries[carries] = ground.carries(uv[carries])
     if carries.any():  # the border of other parts only takes time
         covers &= cKDTree(nodes[carries]).query(nodes)[0] < ground.side + 2 * spacing
-    once = np.ones(len(uv), bool)
     if to_flat.surface.closed[1]:
-        once = np.abs(uv[:, 1] - to_flat.start[1]) <= 0.5
-    size = np.ptp(nodes[covers & once], axis=0) if (covers & once).any() else np.zeros(2)
-    border = _border(to_flat, ground, uv, covers.reshape(shape), spacing)
-    return Region(nodes, covers, carries & once, spacing, *border, size)
+        carries &= np.abs(uv[:, 1] - to_flat.start[1]) <= 0.5
+    return Region(nodes, covers, carries, spacing, *_border(to_flat, ground, uv, covers.reshape(shape), spacing))
 
 
 def _even_line(to_flat: FlatMap, axis: int, spacing: float) -> Array:

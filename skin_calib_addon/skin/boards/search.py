@@ -85,6 +85,19 @@ class Search:
     half: float = 0.0  # half of the thickness of the boards [m]
     stretch: float = 1.0  # of the lattice, so that few boards overlap where the surface bends
 
+    @property
+    def size(self) -> Array:
+        """Width and height of the region over all; of a tube its length around, once, and along it, shape (2,) [m]."""
+        nodes = self.region.nodes[self.region.covers]
+        if not len(nodes):
+            return np.zeros(2)
+        if self.period is None:
+            return np.ptp(nodes, axis=0)
+        length = float(np.linalg.norm(self.period))
+        x, y = self.period / length
+        around, along = np.ptp(nodes @ ((x, -y), (y, x)), axis=0)
+        return np.array((min(around, length), along))
+
     def centres(self, poses: Poses, cells: IntArray) -> Array:
         """Return the centres of cells at poses.
 

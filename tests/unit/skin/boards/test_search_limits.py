@@ -68,7 +68,7 @@ def test_depth_is_exact_to_a_twentieth_of_a_millimetre():
     arms = points[:, None] - starts
     parts = np.clip((arms * along).sum(axis=2) / (along**2).sum(axis=1), 0, 1)
     exact = np.linalg.norm(arms - parts[..., None] * along, axis=2).min(axis=1)
-    depths = Region(np.zeros((1, 2)), one, one, 2.5e-3, pieces, inward, np.zeros(2)).depths(points)
+    depths = Region(np.zeros((1, 2)), one, one, 2.5e-3, pieces, inward).depths(points)
     assert np.abs(np.abs(depths) - exact).max() < 5e-5
     assert (
         depths[np.linalg.norm(points, axis=1) < 0.025].min() > 0 > depths[np.linalg.norm(points, axis=1) > 0.05].max()
