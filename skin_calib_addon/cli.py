@@ -38,8 +38,8 @@ def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None =
         sys.stdout, io.TextIOWrapper
     ):  # names of links may have characters outside the encoding of the terminal
         sys.stdout.reconfigure(errors="backslashreplace")
-    options = build_parser(scene_plans).parse_args(argv)
     try:
+        options = build_parser(scene_plans).parse_args(argv)
         code = options.run(options)
         sys.stdout.flush()
         return code

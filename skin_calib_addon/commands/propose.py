@@ -62,6 +62,8 @@ def _skin(text: str) -> SkinChoice:
     try:
         return parse_skin(text)
     except SkinCalibError as problem:
+        if os.path.isfile(text):  # its content is wrong, not the call
+            raise
         raise argparse.ArgumentTypeError(str(problem).rstrip(".")) from problem
 
 

@@ -234,6 +234,16 @@ def lost_plan(calibration: Path) -> str:
     """Return the plan of a calibration if it is missing next to other plans; empty otherwise.
 
     Without other plans, the calibrations alone were copied to a robot.
+
+    Parameters
+    ----------
+    calibration : Path
+        Its file.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If ``sources.json`` is invalid.
     """
     noted = load_sources(calibration.parent).get(calibration.name)
     plan = calibration.parent / noted.plan if noted and noted.plan else None

@@ -196,12 +196,10 @@ def _fit(
     given_before, before = cache.steps.get(step, (None, None))
     is_moved = is_moving and given_before is not None and given_before[2:-1] == settings
 
-    def exact_cover() -> TriangleMesh:
-        return cut_cover(mesh, surface.cover)
-
     def fitted() -> SurfaceFit:
         if not is_moved:
-            cover = cache.step(f"cover {surface.name}", (mesh, surface.cover), _equal, exact_cover)
+            given = mesh, surface.cover
+            cover = cache.step(f"cover {surface.name}", given, _equal, lambda: cut_cover(*given))
             return fit_grid(cover, *settings)
         cover = coarse_cover(mesh, surface.cover)
         lines = surface.grid.moved_lines(before.lines, without_outliers(cover)[0])

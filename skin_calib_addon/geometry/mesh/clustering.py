@@ -5,9 +5,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...common.arrays import BoolArray, IntArray
+from ...common.arrays import IntArray
 from .cover import CoverSpec, cut_cover
-from .triangle_mesh import TriangleMesh, weld
+from .triangle_mesh import TriangleMesh, at_rims, weld
 
 # [1] about the number of faces of a coarse mesh. Larger: more exact previews, which take longer.
 COARSE_FACES = 6_000
@@ -67,7 +67,7 @@ def coarse_mesh(mesh: TriangleMesh) -> TriangleMesh:
     x, y, z = places.max(axis=0) + 1
     number = ((places[:, 0] * y + places[:, 1]) * z + places[:, 2]) * 6 + _main_directions(mesh)
     _, cluster = np.unique(number, return_inverse=True)
-    weights = np.where(_at_rim(mesh), RIM_WEIGHT, 1.0)
+    weights = np.where(at_rims(mesh.faces, len(mesh.vertices)), RIM_WEIGHT, 1.0)
     total = np.bincount(cluster, weights)
     means = [np.bincount(cluster, weights * mesh.vertices[:, k]) / total for k in range(3)]
     return weld(np.column_stack(means), cluster[mesh.faces])
@@ -82,15 +82,4 @@ def _main_directions(mesh: TriangleMesh) -> IntArray:
             normals[:, k] += np.bincount(corner, vectors[:, k], len(normals))
     axis = np.abs(normals).argmax(axis=1)
     found: IntArray = 2 * axis + (normals[np.arange(len(normals)), axis] < 0)
-    return found
-
-
-def _at_rim(mesh: TriangleMesh) -> BoolArray:
-    """Return which vertices have edges of one face only, shape (v,)."""
-    a, b, c = mesh.corners
-    ends = np.zeros(len(mesh.vertices))
-    # Around an inner vertex each neighbour is once before and once after it.
-    for at, before, after in ((a, b, c), (b, c, a), (c, a, b)):
-        ends += np.bincount(at, after - before.astype(float), len(ends))
-    found: BoolArray = ends != 0
     return found

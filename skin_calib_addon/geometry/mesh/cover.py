@@ -278,7 +278,7 @@ def shells(mesh: TriangleMesh) -> IntArray:
     Faces that are back to back count as one: edges of a mesh whose faces are doubled belong to four faces.
     """
     connected, number = _connected(mesh)
-    return components(len(connected.faces), *connected.adjacency)[number]
+    return connected.pieces[number]
 
 
 def shells_after(mesh: TriangleMesh, cuts: Sequence[tuple[Array, Array]]) -> IntArray:
@@ -311,7 +311,7 @@ def shells_after(mesh: TriangleMesh, cuts: Sequence[tuple[Array, Array]]) -> Int
 def _connected(mesh: TriangleMesh) -> tuple[TriangleMesh, IntArray]:
     """Return a mesh with the same shells that merges what counts as one, and the number of each face in it, (f,)."""
     found = _single(mesh)
-    if components(len(found[0].faces), *found[0].adjacency).max() == 0:
+    if found[0].pieces.max() == 0:
         return found
     distance = ROUNDING * float(np.abs(mesh.vertices).max())
     pairs = cKDTree(mesh.vertices).query_pairs(distance, output_type="ndarray")
@@ -325,7 +325,7 @@ def _connected(mesh: TriangleMesh) -> tuple[TriangleMesh, IntArray]:
 def _single(mesh: TriangleMesh) -> tuple[TriangleMesh, IntArray]:
     """Return a mesh without doubled faces if its faces are not connected, and the number of each face in it, (f,)."""
     every = np.arange(len(mesh.faces))
-    if components(len(mesh.faces), *mesh.adjacency).max() == 0:
+    if mesh.pieces.max() == 0:
         return mesh, every
     single, number = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_inverse=True)
     return (mesh, every) if len(single) == len(mesh.faces) else (TriangleMesh(mesh.vertices, single), number.ravel())

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...common.arrays import Array, BoolArray, IntArray, cross, unit
 from ...common.warnings import Place, Warning, point_of
-from .triangle_mesh import TriangleMesh
+from .triangle_mesh import TriangleMesh, at_rims
 
 # [m] least height of an outlier over its neighbours. Larger: small outliers remain, which move the surface by a
 # fraction of their height.
@@ -108,19 +108,17 @@ def _heights(vertices: Array, faces: IntArray) -> tuple[Array, Array, Array]:
     count = len(vertices)
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     areas, total = cross(b - a, c - a), a + b + c
-    ends = np.zeros(count)
     area, mean, degree = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count)
     for i, corner in enumerate((a, b, c)):
         at = faces[:, i]
         degree += np.bincount(at, minlength=count)
-        ends += np.bincount(at, faces[:, i - 2] - faces[:, i - 1].astype(float), count)
         for axis in range(3):
             area[:, axis] += np.bincount(at, areas[:, axis], count)
             mean[:, axis] += np.bincount(at, total[:, axis] - corner[:, axis], count)
     normals = unit(area)
     mean /= np.maximum(2 * degree, 1)[:, None]
     heights = np.einsum("vc,vc->v", normals, vertices - mean)
-    return np.where((ends == 0) & (degree > 0), heights, 0.0), normals, mean
+    return np.where(~at_rims(faces, count) & (degree > 0), heights, 0.0), normals, mean
 
 
 def _least_cosine(vertices: Array, normals: Array, faces: IntArray) -> Array:

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from ...common.arrays import Array, IntArray, cross, freeze, norms, row_order
+from ...common.arrays import Array, BoolArray, IntArray, cross, freeze, norms, row_order
 from ...common.arrays import unit as to_unit
 from ...common.atomic_file import write_bytes_safely
 from ...common.errors import InvalidMesh
+from ..components import components
 from .dae import read_dae
 from .glb import read_glb
 
@@ -88,6 +89,11 @@ class TriangleMesh:
     def shared_edges(self) -> IntArray:
         """Return the vertices of the common edge of each pair of :attr:`adjacency`, shape (e, 2)."""
         return self._shared[2]
+
+    @cached_property
+    def pieces(self) -> IntArray:
+        """Return the number of the piece of each face, shape (f,): pieces are connected by :attr:`adjacency`."""
+        return components(len(self.faces), *self.adjacency)
 
     @cached_property
     def _shared(self) -> tuple[IntArray, IntArray, IntArray]:
@@ -167,6 +173,27 @@ def weld(vertices: Any, faces: Any) -> TriangleMesh:
     renumber = np.empty(len(ordered), np.int64)
     renumber[used] = np.arange(len(used))
     return TriangleMesh(ordered[new][used], renumber[faces])
+
+
+def at_rims(faces: IntArray, count: int) -> BoolArray:
+    """Return which vertices have an edge of one face only, or edges of differently wound faces.
+
+    Parameters
+    ----------
+    faces : array of int, shape (f, 3)
+        Indices of vertices.
+    count : int
+        Number of vertices.
+
+    Returns
+    -------
+    array of bool, shape (count,)
+    """
+    ends = np.zeros(count)
+    for i in range(3):  # around an inner vertex each neighbour is once before and once after it
+        ends += np.bincount(faces[:, i], faces[:, i - 2] - faces[:, i - 1].astype(float), count)
+    found: BoolArray = ends != 0
+    return found
 
 
 def joined(meshes: Sequence[TriangleMesh]) -> TriangleMesh:

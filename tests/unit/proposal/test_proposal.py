@@ -210,7 +210,7 @@ def test_unknown_skins_are_refused(text):
         main(["propose", "robot.urdf", "-o", "plans", "--skin", text])
 
 
-def test_skin_of_a_file(tmp_path):
+def test_skin_of_a_file(tmp_path, capsys):
     """A skin as in a plan."""
     path = tmp_path / "skin.json"
     path.write_text(json.dumps({"kind": "hexagons", "side": 0.01, "gap": 0.001, "offset": 0.002}))
@@ -219,6 +219,8 @@ def test_skin_of_a_file(tmp_path):
     path.write_text(json.dumps({"kind": "imported"}))
     with pytest.raises(InvalidPlan, match="no sheet or hexagons"):
         parse_skin(str(path))
+    assert main(["propose", "robot.urdf", "-o", "plans", "--skin", str(path)]) == 1
+    assert "no sheet or hexagons" in capsys.readouterr().err
 
 
 def test_loops_enclose_exactly_the_sites():
