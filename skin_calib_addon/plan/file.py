@@ -90,5 +90,14 @@ def check_plan_wholly(document: Any) -> tuple[Finding, ...]:
 
 def check_frame(frame: Any) -> tuple[Finding, ...]:
     """Return every place where the frame of imported taxels breaks the plan's schema."""
+    return _check_part(frame, "frame")
+
+
+def check_skin(skin: dict[str, Any]) -> tuple[Finding, ...]:
+    """Return every place where a skin of a known kind breaks the plan's schema."""
+    return _check_part(skin, skin["kind"])
+
+
+def _check_part(document: Any, name: str) -> tuple[Finding, ...]:
     definitions = plan_schema()["$defs"]
-    return check(frame, definitions["frame"] | {"$defs": definitions})
+    return check(document, definitions[name] | {"$defs": definitions})

@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from ..common.text import real
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..pipeline.place_skins import place_skin
 from ..plan.document import skins_from
-from ..plan.skins import GAP, SIDE, BoardSkin, SheetSkin
-from ..skin.lattice import HexLattice, SheetLattice
+from ..plan.file import check_skin
+from ..plan.skins import SIDE, BoardSkin, SheetSkin
 from ..skin.sheet.landmarks import Landmark
 from .boards import boards_on
 from .candidates import DECIMALS
@@ -54,35 +55,39 @@ def parse_skin(text: str) -> SkinChoice:
     """
     kind, _, size = text.partition(":")
     lengths = re.fullmatch(r"(?:(\d+)x(\d+)x)?(\d+(?:\.\d*)?)mm", size)
+    length = round(real(lengths[3]) * 1e-3, 9) if lengths else 0.0  # [m]
     if text == "hexagons":
-        return SkinChoice(BoardSkin("skin", HexLattice(SIDE, GAP), "fill"), text)
+        return _choice({"kind": "hexagons"}, text)
     if kind == "hexagons" and lengths and not lengths[1]:
-        side = round(real(lengths[3]) * 1e-3, 9)
-        return SkinChoice(BoardSkin("skin", HexLattice(side, GAP if side == SIDE else 0.0), "fill"), text)
+        return _choice({"kind": "hexagons", "side": length} | ({} if length == SIDE else {"gap": 0.0}), text)
     if kind == "sheet" and lengths and lengths[1]:
-        pitch = round(real(lengths[3]) * 1e-3, 9)
-        lattice = SheetLattice(int(lengths[1]), int(lengths[2]), (pitch, pitch))
-        return SkinChoice(SheetSkin("skin", lattice, None, (1.0, 0.0, 0.0), trim=True), text)
+        size_of = {"rows": int(lengths[1]), "columns": int(lengths[2]), "pitch": [length, length]}
+        return _choice({"kind": "sheet"} | size_of, text)
     if text.endswith(".json"):
-        return _from_file(Path(text))
+        document, findings = parse(read(Path(text)))
+        if findings or not isinstance(document, dict) or document.get("kind") not in ("sheet", "hexagons"):
+            raise InvalidPlan(f"{text} has no sheet or hexagons, as in the skins of a plan. {FORMS}")
+        return _choice(document, text)
     raise InvalidPlan(f"{text!r} is no skin. {FORMS}")
 
 
-def _from_file(path: Path) -> SkinChoice:
-    document, findings = parse(read(path))
-    if findings or not isinstance(document, dict) or document.get("kind") not in ("sheet", "hexagons"):
-        raise InvalidPlan(f"{path} has no sheet or hexagons, as in the skins of a plan. {FORMS}")
-    defaults = {"name": "skin"} | ({"origin": "center", "direction": [1, 0, 0]} if document["kind"] == "sheet" else {})
+def _choice(document: dict[str, Any], text: str) -> SkinChoice:
+    """Return the skin of a document, without the place that it has there; raise InvalidPlan if no plan may have it."""
+    defaults: dict[str, Any] = {"name": "skin"}
+    if document["kind"] == "sheet":
+        defaults |= {"direction": [1, 0, 0]} | ({} if "landmarks" in document else {"origin": "center"})
     try:
+        for finding in check_skin(defaults | document):
+            raise InvalidPlan(f"{finding.pointer} {finding.message}")
         (skin,) = skins_from([defaults | document])
-    except (KeyError, TypeError, ValueError) as problem:
-        raise InvalidPlan(f"{path} is no skin as in a plan: {problem}. {FORMS}") from problem
+    except InvalidPlan as problem:
+        raise InvalidPlan(f"{text} is no skin as in a plan: {problem}. {FORMS}") from problem
     if isinstance(skin, SheetSkin):
         skin = replace(skin, origin=None, first_channel=None, registration=None, landmarks=(), trim=True)
     else:
         assert isinstance(skin, BoardSkin)
         skin = replace(skin, origin=None, first_channel=None, registration=None, choice="fill")
-    return SkinChoice(skin, str(path))
+    return SkinChoice(skin, text)
 
 
 def skin_on(choice: SkinChoice, fit: SurfaceFit, surface: str) -> tuple[SheetSkin | BoardSkin, TaxelArray]:

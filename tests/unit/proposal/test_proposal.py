@@ -200,11 +200,15 @@ def test_link_without_free_area_gets_a_reason(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", ["hexagon", "hexagons:8", "sheet:6x22", "sheet:0x5x10mm", "hexagons:0mm", "missing.json"]
+    "text",
+    [
+        *("hexagon", "hexagons:8", "hexagons:0mm", "hexagons:5000mm", "missing.json"),
+        *("sheet:6x22", "sheet:0x5x10mm", "sheet:5x5x0.001mm", "sheet:99999999x9x10mm"),
+    ],
 )
 def test_unknown_skins_are_refused(text):
-    """With the forms that are known."""
-    with pytest.raises(Exception, match="hexagons:16.3mm|no area|missing.json"):
+    """With the forms that are known; what a plan may not have would be refused by the fit only."""
+    with pytest.raises(Exception, match="hexagons:16.3mm|missing.json"):
         parse_skin(text)
     with pytest.raises(SystemExit, match="2"):
         main(["propose", "robot.urdf", "-o", "plans", "--skin", text])
@@ -216,6 +220,12 @@ def test_skin_of_a_file(tmp_path, capsys):
     path.write_text(json.dumps({"kind": "hexagons", "side": 0.01, "gap": 0.001, "offset": 0.002}))
     template = parse_skin(str(path)).template
     assert (template.lattice.side, template.lattice.gap, template.offset) == (0.01, 0.001, 0.002)
+    path.write_text(json.dumps({"kind": "sheet", "rows": 2, "columns": 3, "pitch": [1e-6, 0.01]}))
+    with pytest.raises(InvalidPlan, match="skin.json is no skin as in a plan: /pitch/0 must be at least 1e-05"):
+        parse_skin(str(path))
+    path.write_text(json.dumps({"kind": "hexagons", "size": 0.01}))
+    with pytest.raises(InvalidPlan, match="size"):
+        parse_skin(str(path))
     path.write_text(json.dumps({"kind": "imported"}))
     with pytest.raises(InvalidPlan, match="no sheet or hexagons"):
         parse_skin(str(path))
