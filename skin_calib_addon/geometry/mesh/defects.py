@@ -200,6 +200,8 @@ def coherent(mesh: TriangleMesh) -> TriangleMesh:
     TriangleMesh
         With the same rows of faces.
     """
+    if not mesh.disagreeing.any():
+        return mesh
     half, face, _, edge, faces_at = _edges(mesh)
     flipped, _ = _sides(mesh, shells(mesh), half, edge, face, faces_at)
     if not flipped.any():

@@ -90,13 +90,18 @@ class TriangleMesh:
         """Return the vertices of the common edge of each pair of :attr:`adjacency`, shape (e, 2)."""
         return self._shared[2]
 
+    @property
+    def disagreeing(self) -> BoolArray:
+        """Return which pairs of :attr:`adjacency` are wound against each other, shape (e,)."""
+        return self._shared[3]
+
     @cached_property
     def pieces(self) -> IntArray:
         """Return the number of the piece of each face, shape (f,): pieces are connected by :attr:`adjacency`."""
         return components(len(self.faces), *self.adjacency)
 
     @cached_property
-    def _shared(self) -> tuple[IntArray, IntArray, IntArray]:
+    def _shared(self) -> tuple[IntArray, IntArray, IntArray, BoolArray]:
         a, b, c = self.corners
         sides = [np.maximum(i, j) * len(self.vertices) + np.minimum(i, j) for i, j in ((a, b), (b, c), (c, a))]
         edges = np.concatenate(sides)  # one number for each edge: it sorts faster than two
@@ -106,7 +111,9 @@ class TriangleMesh:
         pair = same & ~np.append(False, same[:-1]) & ~np.append(same[1:], False)
         first, second = face[:-1][pair], face[1:][pair]
         ends = np.column_stack(np.divmod(edges[:-1][pair], len(self.vertices)))
-        return np.minimum(first, second), np.maximum(first, second), ends
+        rises = np.concatenate((a < b, b < c, c < a))[order]
+        against = (rises[:-1] == rises[1:])[pair]
+        return np.minimum(first, second), np.maximum(first, second), ends, against
 
     @cached_property
     def sha256(self) -> str:

@@ -248,3 +248,13 @@ def test_save_mesh_refuses_a_missing_folder(tmp_path):
     with pytest.raises(OutputError, match="folder .* does not exist"):
         save_mesh(BLOCK, tmp_path / "none" / "m.ply")
     assert not list(tmp_path.iterdir())
+
+
+def test_pairs_that_are_wound_against_each_other():
+    """Just those of which one face is reversed; none of a mesh as it comes."""
+    mesh = box((0, 0, 0), (1, 2, 3))
+    assert not mesh.disagreeing.any()
+    reversed_ = np.arange(len(mesh.faces)) % 3 == 0
+    mixed = TriangleMesh(mesh.vertices, np.where(reversed_[:, None], mesh.faces[:, ::-1], mesh.faces))
+    first, second = mixed.adjacency
+    assert np.array_equal(mixed.disagreeing, reversed_[first] != reversed_[second]) and mixed.disagreeing.any()
