@@ -144,8 +144,8 @@ class Frame:
             return f"the load is {self.load:.2g} N; a CoP needs {MIN_LOAD:g} N" if self.load < MIN_LOAD else None
         if self.load > 0:
             return None
-        limit = 0.0 if self.noise is None else self.noise.load_limit
-        return f"no load differs from the noise, which hides loads up to {limit:.2g} N"
+        limit = 0.0 if self.noise is None else float(f"{self.noise.load_limit:.2g}")
+        return f"no load differs from the noise, which hides loads up to {limit:g} N"
 
     @cached_property
     def cop(self) -> Array | None:

@@ -146,6 +146,14 @@ def test_foot_in_the_air_has_no_contact():
     assert ghosts <= 3
 
 
+def test_large_limits_of_a_load_are_readable():
+    """A noise of 20 N of each taxel hides more than 100 N."""
+    rng, skin = np.random.default_rng(2), sole()
+    skin.tare(read(rng, FREE, 100.0, 250, 500.0))
+    reason = skin.update(read(rng, FREE, 0.0, 1, 500.0)[0], 0.0).reason
+    assert reason is not None and "which hides loads up to" in reason and "e+" not in reason
+
+
 def test_foot_above_the_limit_of_its_sum_stands():
     """It does so if no taxel has more than its own noise; the stated deviation of its load is not too small."""
     rng, skin, errors = np.random.default_rng(3), sole(), []
