@@ -220,24 +220,27 @@ class Body:
         """Which components (6,) of a wrench at least one link observes, each along the axes of its own link."""
         return np.any([np.zeros(6, bool), *(skin.observable for skin in self.skins.values())], axis=0)
 
-    def update(self, readings: Mapping[str, Any], time: float, poses: Mapping[str, Any]) -> BodyFrame:
+    def update(self, readings: Mapping[str, Any] | None, time: float, poses: Mapping[str, Any] | None) -> BodyFrame:
         """Compute the frame of all links in one cycle. A wrong reading raises no error.
 
         Parameters
         ----------
         readings : mapping of str to array, or to a mapping of modalities
             By link, as for :meth:`.Skin.update`; a link without a reading is flagged, and its contact is not known.
+            None: no link has one.
         time : float
             Of the readings [s].
         poses : mapping of str to array, shape (4, 4)
             ``T_world_link`` of each link from the forward kinematics; :mod:`.poses` makes them from those of other
-            libraries. The contact of a link is not known without a rigid one, unless the link is free.
+            libraries. The contact of a link is not known without a rigid one, unless the link is free. None: no link
+            has one.
 
         Raises
         ------
         UnknownLink
             If readings or poses have a link without a skin. This is an error of the program, not of a sensor.
         """
+        readings, poses = readings or {}, poses or {}
         for name in (*readings, *poses):
             if name not in self.skins:
                 raise UnknownLink(f"no link {name!r} in this body; it has {sorted(self.skins)}")

@@ -50,13 +50,15 @@ def contact_torques(
     Raises
     ------
     ValueError
-        If a Jacobian has another shape.
+        If a wrench has not six numbers, or a Jacobian has another shape.
     KeyError
         If a link with a wrench has no pose.
     """
     rows = [np.empty((0, joints))]
     for link, given in wrenches.items():
-        each = np.atleast_2d(np.asarray(given, float)).reshape(-1, 6)
+        each = np.atleast_2d(np.asarray(given, float))
+        if each.ndim != 2 or each.shape[1] != 6:
+            raise ValueError(f"the wrench of {link!r} has shape {np.shape(given)}, expected (6,) or (c, 6)")
         each = each[np.isfinite(each).all(axis=1) & each.any(axis=1)]
         if len(each):
             matrix, rotation = np.asarray(jacobian(link), float), poses[link][:3, :3]
@@ -90,7 +92,7 @@ def prioritized(tasks: Iterable[tuple[Any, Any]], inertia: Any) -> Array:
     Raises
     ------
     ValueError
-        If a number of joints does not match, or a Jacobian has values that are not finite.
+        If a number of joints does not match, or a torque or a Jacobian has values that are not finite.
     numpy.linalg.LinAlgError
         If the inertia matrix is not positive definite.
     """
@@ -104,6 +106,8 @@ def prioritized(tasks: Iterable[tuple[Any, Any]], inertia: Any) -> Array:
             raise ValueError("a Jacobian has values that are not finite numbers")
         if torque.shape != (n,) or rows.shape[1] != n:
             raise ValueError(f"a task with torque {torque.shape} and Jacobian {rows.shape} does not fit {n} joints")
+        if not np.isfinite(torque).all():
+            raise ValueError("a task has a torque that is not a finite number")
         scaled = inverse @ torque
         total += scaled - taken.T @ (taken @ scaled)
         rows = rows @ inverse.T
@@ -133,10 +137,17 @@ def attraction(
     position, velocity, goal : array, shape (d,)
         Of the point [m], [m/s], and where it must go [m], along the same axes; or angles.
     stiffness, damping : float
-        :math:`k_p` [N/m] and :math:`k_v` [N s/m].
+        :math:`k_p` [N/m] and :math:`k_v` [N s/m], above zero.
     max_speed : float
-        :math:`V_{\max}` [m/s].
+        :math:`V_{\max}` [m/s], zero or more.
+
+    Raises
+    ------
+    ValueError
+        If one of these is not in its range.
     """
+    if not (stiffness > 0 and damping > 0 and max_speed >= 0):
+        raise ValueError(f"stiffness {stiffness} and damping {damping} must be above zero, speed {max_speed} not below")
     wanted = stiffness / damping * (np.asarray(goal, float) - position)
     speed = math.sqrt(float(wanted @ wanted))
     limited = wanted * (max_speed / speed) if speed > max_speed else wanted
@@ -158,6 +169,11 @@ class TorqueResolver:
         :math:`D` [N m s/rad]. Larger: slower motions.
     limits : array, shape (n, 2), optional
         Smallest and largest angles [rad]; a joint stops there, as by an impact without rebound.
+
+    Raises
+    ------
+    ValueError
+        If an angle or a damping is not a finite number, a damping is below zero, or an angle is not within its limits.
     """
 
     def __init__(self, angles: Any, damping: Any, limits: Any = None):
@@ -165,6 +181,14 @@ class TorqueResolver:
         self.velocities = np.zeros_like(self.angles)
         self._damping = np.broadcast_to(np.asarray(damping, float), self.angles.shape)
         self._limits = None if limits is None else np.asarray(limits, float)
+        if not (np.isfinite(self.angles).all() and np.isfinite(self._damping).all() and (self._damping >= 0).all()):
+            raise ValueError("angles and damping must be finite numbers, and no damping may be below zero")
+        if self._limits is not None:
+            if self._limits.shape != (*self.angles.shape, 2):
+                raise ValueError(f"limits have shape {self._limits.shape}, expected {(*self.angles.shape, 2)}")
+            low, high = self._limits.T
+            if not ((low <= self.angles) & (self.angles <= high)).all():
+                raise ValueError(f"the angles {self.angles} are not within the limits {self._limits.tolist()}")
 
     def step(self, torque: Any, inertia: Any, period: float) -> Array:
         """Return the angles (n,) of the servos after a period [rad].
@@ -177,9 +201,16 @@ class TorqueResolver:
             At these angles [kg m^2].
         period : float
             [s].
+
+        Raises
+        ------
+        ValueError
+            If a torque is not a finite number; the joints then stay as they are.
         """
-        mass = np.asarray(inertia, float)
-        momentum = mass @ self.velocities + period * np.asarray(torque, float)
+        mass, torque = np.asarray(inertia, float), np.asarray(torque, float)
+        if not np.isfinite(torque).all():
+            raise ValueError(f"the torques {torque} are not finite numbers")
+        momentum = mass @ self.velocities + period * torque
         self.velocities = np.linalg.solve(mass + period * np.diag(self._damping), momentum)
         self.angles = self.angles + period * self.velocities
         if self._limits is not None:

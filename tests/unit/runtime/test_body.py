@@ -158,6 +158,14 @@ def test_contact_of_a_foot_that_is_not_known_leaves_nothing_to_state():
         body.update({"foot": good}, 2.0, {})
 
 
+def test_cycle_without_readings_or_poses_raises_no_error():
+    """A bus or a model of the robot that delivers nothing: every contact is not known, with its reason."""
+    both = {"left": np.full(N, 10.0), "right": np.full(N, 10.0)}
+    for readings, problem in ((both, "no_pose"), (None, "no_reading")):
+        frame = feet().update(readings, 0.0, None)
+        assert {f"left:{problem}", f"right:{problem}"} <= frame.flags and frame.wrench is None
+
+
 def test_free_foot_needs_no_pose():
     """Its reading states that it carries nothing; nothing else of it counts."""
     frame = feet().update({"left": np.full(N, 10.0), "right": np.zeros(N)}, 0.0, {"left": pose()})

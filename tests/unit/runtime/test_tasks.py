@@ -294,3 +294,34 @@ def test_resolver_stops_at_a_limit():
         angles = resolver.step([5.0, 1.0], np.eye(2), 1e-3)
     assert angles[0] == 0.1 and resolver.velocities[0] == 0 and 0 < angles[1] < 1
     assert resolver.step([-5.0, 0.0], np.eye(2), 1e-3)[0] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("call", "problem"),
+    [
+        (lambda: attraction([0.0], [0.0], [1.0], 10.0, 0.0), "damping 0.0 must be above zero"),
+        (lambda: attraction([0.0], [0.0], [1.0], 10.0, 1.0, -0.1), "speed -0.1 not below"),
+        (lambda: contact_torques({"arm": None}, {}, pytest.fail, 2), r"wrench of 'arm' has shape \(\)"),
+        (lambda: contact_torques({"arm": [1.0] * 12}, {}, pytest.fail, 2), r"wrench of 'arm' has shape \(12,\)"),
+        (lambda: prioritized([([1.0, np.nan], np.eye(2))], np.eye(2)), "torque that is not a finite number"),
+        (lambda: TorqueResolver([2.0], 1.0, [[-1.0, 1.0]]), "are not within the limits"),
+        (lambda: TorqueResolver([0.0], 1.0, [[1.0, -1.0]]), "are not within the limits"),
+        (lambda: TorqueResolver([0.0, 0.0], 1.0, [[-1.0, 1.0]]), r"limits have shape \(1, 2\), expected \(2, 2\)"),
+        (lambda: TorqueResolver([0.0], -1.0), "no damping may be below zero"),
+        (lambda: TorqueResolver([np.nan], 1.0), "must be finite"),
+    ],
+)
+def test_wrong_values_are_refused(call, problem):
+    """They gave NaN in all joints, a jump to the limit, or a force away from the goal."""
+    with pytest.raises(ValueError, match=problem):
+        call()
+
+
+def test_resolver_keeps_its_state_if_a_torque_is_not_known():
+    """One NaN made all angles NaN for ever."""
+    resolver = TorqueResolver([0.1, 0.2], 1.0)
+    resolver.step([1.0, 0.0], np.eye(2), 1e-3)
+    angles, velocities = resolver.angles.copy(), resolver.velocities.copy()
+    with pytest.raises(ValueError, match="not finite"):
+        resolver.step([np.nan, 0.0], np.eye(2), 1e-3)
+    assert np.array_equal(resolver.angles, angles) and np.array_equal(resolver.velocities, velocities)
