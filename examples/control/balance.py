@@ -1,6 +1,6 @@
 """Keep the balance under pushes with the ZMP of the skin, and with that of force/torque sensors (thesis 4.3.1).
 
-    python examples/control/balance.py [--seeds 20]
+    python examples/control/balance.py [--seeds 24]
 
 The robot stands on its full soles, or on a beam under the middle half of them. It is pushed for 0.1 s at the chest,
 from one of eight directions. The controller is that of eq. 4.27 to 4.29 with the gains of table 2, and the ankles turn
@@ -8,6 +8,7 @@ the soles. It gets the ZMP either from the soles or from simulated force/torque 
 in each run. The largest push that the robot survives is sought: it is doubled until the robot falls, then bisected.
 """
 
+import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -89,6 +90,12 @@ def largest_push(survives: Callable[[float], bool], first: float, resolution: fl
     return low
 
 
+def around(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """Return a parser of as many seeds as give each direction equally often."""
+    parser.set_defaults(seeds=3 * DIRECTIONS)
+    return parser
+
+
 def run(case: Case) -> Result:
     """Search for the largest push."""
     apart, moved = [np.zeros(0)], [0.0]
@@ -154,7 +161,7 @@ def draw(results: dict, cases: dict, path) -> None:
 
 def main() -> None:
     """Run all cases; print a table; draw."""
-    given = arguments(__doc__).parse_args()
+    given = around(arguments(__doc__)).parse_args()
     kinds = [(ground, source) for ground in GROUND for source in SOURCES]
     cases = {kind: [Case(*kind, seed) for seed in range(given.seeds)] for kind in kinds}
     found = run_all(run, [case for kind in kinds for case in cases[kind]], given)

@@ -16,8 +16,12 @@ os.environ.setdefault("MUJOCO_GL", "egl")  # draws without a display
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")  # matrices are small, and runs with other seeds go side by side
 
-import mujoco  # noqa: E402
 import numpy as np  # noqa: E402
+
+try:
+    import mujoco
+except ModuleNotFoundError as error:
+    raise SystemExit(f"{error}. Install what the experiments need: pip install '.[control]'") from error
 from shapes import ANKLE_HEIGHT, COUNTS, FULL_SCALE, HERE, RANGE, RANGE_COUNTS  # noqa: E402
 from shapes import main as make_shapes  # noqa: E402
 

@@ -18,7 +18,9 @@ LINES = (  # of each panel: key of the log, name, colour, width
 
 
 def draw_walks(runs: Mapping[str, Callable[[Callable[..., None]], Any]], path: Path) -> None:
-    """Run cases, and draw their ZMP, DCM and the limits of the ZMP over time, as figures 59 to 64 of the thesis.
+    """Run cases, and draw their ZMP, DCM and supporting polygon over time, as figures 59 to 64 of the thesis.
+
+    Of the polygon the extent along each axis is drawn: there can be less room for the ZMP than this.
 
     Parameters
     ----------
@@ -42,7 +44,7 @@ def draw_walks(runs: Mapping[str, Callable[[Callable[..., None]], Any]], path: P
         time = np.array([row["time"] for row in log.rows])
         for axis, ax in enumerate(column):
             low, high = (np.array([row["limits"][end][axis] for row in log.rows]) for end in (0, 1))
-            ax.fill_between(time, low, high, color="#cccccc", alpha=0.5, lw=0, label="limits of the desired ZMP")
+            ax.fill_between(time, low, high, color="#cccccc", alpha=0.5, lw=0, label="extent of the polygon")
             for key, name, colour, width in LINES:
                 ax.plot(time, [row[key][axis] for row in log.rows], color=colour, lw=width, label=name)
             for landing in log.landings:

@@ -134,9 +134,10 @@ def _around_table(given: argparse.Namespace) -> tuple[str, str]:
     """Return the parts of the page before and after the table, with its marks."""
     begin, end = (f"<!-- {edge} of the table of {given.name}.py -->\n" for edge in ("begin", "end"))
     try:
-        text = given.page.read_text("utf-8")
+        with given.page.open("r+", encoding="utf-8") as page:  # it is written at the end
+            text = page.read()
     except OSError as error:
-        raise SystemExit(f"cannot read {given.page}: {error.strerror}") from error
+        raise SystemExit(f"cannot write {given.page}: {error.strerror}") from error
     before, found, rest = text.partition(begin)
     _, found_end, after = rest.partition(end)
     if not (found and found_end):
@@ -167,7 +168,7 @@ class Camera:
         """Take a frame if it is time for one."""
         if robot.data.time >= self.next:
             self.next += FRAME_TIME
-            self.view.lookat[:] = (*robot.data.body("pelvis").xpos[:2], 0.5)
+            self.view.lookat[:] = (*robot.data.body("pelvis").xpos[:2], 0.6)
             self.renderer.update_scene(robot.data, self.view, self.options)
             self.frames.append(Image.fromarray(self.renderer.render()))
 

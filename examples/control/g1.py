@@ -1,6 +1,6 @@
 """Keep the balance of a Unitree G1 under pushes with the ZMP of skin on its feet (thesis 4.3.1).
 
-    python examples/control/g1.py [--urdf g1_29dof_rev_1_0.urdf] [--seeds 20]
+    python examples/control/g1.py [--urdf g1_29dof_rev_1_0.urdf] [--seeds 24]
 
 The skin is proposed and fitted by ``skin-calib fit --propose`` and comes into the simulation by ``write_mjcf``. The
 controller is that of eq. 4.27 to 4.29 with the gains of table 2. Its ZMP is felt by the skin, or by simulated
@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from balance import TABLE_2, draw, largest_push
+from balance import TABLE_2, around, draw, largest_push
 from biped import (
     COUNTS,
     FORCE_NOISE,
@@ -60,6 +60,7 @@ LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
 BENT = {"hip_pitch": -0.3, "knee": 0.6, "ankle_pitch": -0.3}  # at the start [rad]
 DOWN = 0.9  # cosine of the angle from straight down, up to which a cell belongs to the underside
 STIFFNESS, DAMPING = 1000.0, 20.0  # of the servos [N m/rad, N m s/rad]
+FRICTION = [0.7, 0.005, 0.0001]  # of cells and floor: MuJoCo takes the larger one [1, m, m]
 SOURCES = ("skin", "ankle", "none")
 DIRECTIONS = 8
 START, PUSH, END = 0.5, 0.1, 4.0  # begin of a push, its duration, and end of a run [s]
@@ -186,10 +187,10 @@ def build(urdf: Path, folder: Path) -> mujoco.MjModel:
             if geom.type == mujoco.mjtGeom.mjGEOM_MESH:
                 skin.delete(geom)
             else:
-                geom.solref, geom.friction = [0.008, 1], [0.7, 0.005, 0.0001]
+                geom.solref, geom.friction = [0.008, 1], FRICTION
                 geom.contype, geom.conaffinity = 1, 2  # cells touch the floor, not each other
         spec.body(foot).add_frame().attach_body(skin.body(foot), f"{foot}/", "")
-    floor = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [5, 5, 0.1], "group": TERRAIN_GROUP}
+    floor = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [5, 5, 0.1], "group": TERRAIN_GROUP, "friction": FRICTION}
     spec.worldbody.add_geom(**floor, contype=2, conaffinity=1)
     return spec.compile()
 
@@ -505,7 +506,7 @@ def run(case: Case) -> Result:
 
 def main() -> None:
     """Run all cases; print a table; draw."""
-    given = with_g1(arguments(__doc__, has_animation=False)).parse_args()
+    given = around(with_g1(arguments(__doc__, has_animation=False))).parse_args()
     folder = given.out / "g1"
     propose(given.urdf, folder)
     cases = [Case(given.urdf, folder, source, seed) for source in SOURCES for seed in range(given.seeds)]

@@ -12,9 +12,8 @@ that it is about as fast when it meets the obstacle. Landings on the obstacle an
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
-from biped import FEET, FLAT, PERIOD, Biped
+from biped import FEET, FLAT, PERIOD, Biped, mujoco
 from estimator import SOLE_CENTRE
 from experiment import arguments, count, film_both, positive, report, run_all, spread, whole
 from shapes import HALF_SIZE

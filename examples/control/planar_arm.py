@@ -135,6 +135,7 @@ class PlanarArm:
         self._sites = {k: np.array([self.model.site(f"{k}/{id}").id for id in ids]) for k in LINKS}
         for skin in self.body.skins.values():
             skin.tare(np.stack([self._counts(np.zeros(len(ids))) for _ in range(REST)]))
+        self.peak = 0.0  # largest true contact force in the last cycle [N]
         self.data.qpos[:JOINTS] = START
         mujoco.mj_forward(self.model, self.data)
 
@@ -146,8 +147,10 @@ class PlanarArm:
             towards = self.data.body("link3").xipos[:2] - self.data.body("obstacle").xpos[:2]
             push = PUSH_FORCE * towards / np.linalg.norm(towards)
         self.data.xfrc_applied[self.model.body("obstacle").id, :2] = push
+        self.peak = 0.0
         for _ in range(round(PERIOD / TIME_STEP)):
             mujoco.mj_step(self.model, self.data)
+            self.peak = max(self.peak, self.true_contact())
 
     def senses(self) -> tuple[float, Array, Array, dict[str, dict[str, Array]]]:
         """Return time, joint angles, joint velocities, and the readings of all skins."""
@@ -356,7 +359,7 @@ def run(case: tuple[str, int], each: Callable[[PlanarArm], None] | None = None, 
         torques = controller(*arm.senses())
         arm.step(torques)
         distance = np.linalg.norm(arm.data.site("tip").xpos[:2] - GOAL)
-        log.append((arm.data.time, controller.speed, controller.near, controller.contact, arm.true_contact(),
+        log.append((arm.data.time, controller.speed, controller.near, controller.contact, arm.peak,
                     np.linalg.norm(torques), distance, np.abs(torques - before).max()))  # fmt: skip
         before = torques
         stages.append(controller.stage)

@@ -4,8 +4,9 @@
 
 An obstacle of 3 cm is below the third of five steps. When a foot meets the ground, the skin gives the part of
 the sole that is near it: by the pressed cells, and by the proximity sensors. If the part is small, the foot is lifted
-again, and put down next to what it felt. Without the skin the robot walks on. The walk is slow: after a landing the ZMP
-stays below the other foot for a while, so that a foot can be lifted again.
+again, and put down next to what it felt. Other walks know the felt foothold and make no new step, or assume the full
+sole. The walk is slow: after a landing the ZMP stays below the other foot for a while, so that a foot can be lifted
+again.
 """
 
 from collections.abc import Callable, Iterable
@@ -34,6 +35,9 @@ CELL = 0.015  # half the distance of the proximity sensors [m]
 IMPACT = 0.02  # time after a contact in which the moment at the ankle is sought [s]
 CLEARANCE = 0.015  # of the new step from the obstacle [m]
 MAX_RETRIES = 2  # of one step
+# What the controller uses: the part of the sole that bears, and new steps.
+KINDS = {"full sole assumed": (False, False), "what is felt": (True, False), "what is felt, new steps": (True, True)}
+SHOWN = "small block at the border"
 SOLE = convex_hull(HALF_SIZE * [(1, 1), (-1, 1), (-1, -1), (1, -1)])  # about its centre
 Array = np.ndarray
 
@@ -71,7 +75,7 @@ class Case:
     """One walk."""
 
     obstacle: str
-    feels: bool
+    kind: str  # one of KINDS
     seed: int
 
 
@@ -82,7 +86,7 @@ class Result:
     stands: bool
     steps: int  # that were made
     retracted: tuple[str, ...]  # the feet that were lifted again
-    area: float  # near the ground at the first contact with the obstacle, relative to the sole; NaN without the skin
+    area: float  # near the ground at the first contact with the obstacle, relative to the sole; NaN without the rule
     moments: list[tuple[float, float]]  # at the ankle, by landing: at the contact, and the largest of its impact [N m]
 
 
@@ -134,8 +138,9 @@ def shift_off(obstacle: Polygon, foot: str) -> Array:
 def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Result:
     """Walk."""
     robot = Biped(FLAT + OBSTACLES[case.obstacle], case.seed)
-    rule = Rule(robot) if case.feels else None
-    walker = Walker(robot, forward_steps(STEPS, STEP, WIDTH), GAIT, feels=case.feels, avoid=rule)
+    feels, avoids = KINDS[case.kind]
+    rule = Rule(robot) if avoids else None
+    walker = Walker(robot, forward_steps(STEPS, STEP, WIDTH), GAIT, feels=feels, avoid=rule)
     stands = walk(robot, walker, 30.0, each=lambda robot: each(robot, walker) if each else None)
     # The first step of the right foot is on flat ground, the second one on the obstacle.
     area = rule.areas["right"][1] if rule and len(rule.areas["right"]) > 1 else np.nan
@@ -162,23 +167,20 @@ def spreads(moments: Iterable[tuple[float, float]]) -> list[str]:
 def main() -> None:
     """Run all cases; print a table; draw."""
     given = arguments(__doc__).parse_args()
-    kinds = [(obstacle, feels) for obstacle in OBSTACLES for feels in (False, True)]
+    kinds = [(obstacle, kind) for obstacle in OBSTACLES for kind in KINDS]
     cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
     found = run_all(run, cases, given)
     rows = []
     for k, obstacle in enumerate(OBSTACLES):
-        blind, felt = (found[j * given.seeds : (j + 1) * given.seeds] for j in (2 * k, 2 * k + 1))
-        again, area = count(bool(r.retracted) for r in felt), spread([100 * r.area for r in felt])
+        blind, felt, avoiding = (found[j * given.seeds : (j + 1) * given.seeds] for j in range(3 * k, 3 * k + 3))
+        again, area = count(bool(r.retracted) for r in avoiding), spread([100 * r.area for r in avoiding])
         moments = spreads(r.moments[ONTO] for r in blind)
-        rows.append((obstacle, *stands_and_steps(blind, felt), again, area, *moments, *THESIS[obstacle]))
+        rows.append((obstacle, *stands_and_steps(blind, felt, avoiding), again, area, *moments, *THESIS[obstacle]))
     flat = spreads(pair for r in found for pair in r.moments[:ONTO])
-    rows.append(("none: the steps before", "", "", "", "", "", "", *flat, "", "", ""))
+    rows.append(("none: the steps before", *[""] * 8, *flat, "", "", ""))
     heads = (
         "obstacle",
-        "without the skin: stands",
-        f"steps of {STEPS}",
-        "with it: stands",
-        f"steps of {STEPS}",
+        *(head for kind in KINDS for head in (f"{kind}: stands", f"steps of {STEPS}")),
         "new step",
         "area at the contact [%]",
         "moment at the ankle: contact [N m]",
@@ -188,10 +190,9 @@ def main() -> None:
         "robot, by moment and by area",
     )
     report(given, heads, rows)
-    films = [
-        lambda each, feels=feels: run(Case("small block in the middle", feels, 0), each) for feels in (False, True)
-    ]
-    draw_walks(dict(zip(("without the skin", "with the skin"), films)), given.out / "replanning.png")
+    shown = list(KINDS)[::2]
+    films = [lambda each, kind=kind: run(Case(SHOWN, kind, 0), each) for kind in shown]
+    draw_walks(dict(zip(shown, films)), given.out / "replanning.png")
     if not given.no_animation:
         film_both(films, given.out / "replanning.gif", azimuth=100, distance=1.9, every=2)
 

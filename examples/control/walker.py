@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from biped import ARM, DAMPING, FEET, Biped, Senses
+from biped import DAMPING, FEET, Biped, Senses
 from distribution import distribute
 from estimator import SOLE_CENTRE, STALE, Estimator, State
 from foothold import MIN_LOAD, Foothold, full_sole
@@ -162,7 +162,7 @@ class Walker:
         )
         self.steps = list(steps)
         self.period = robot.period
-        self.arm = robot.start[12:]
+        self.arm = robot.start[12:]  # all joints after those of the legs stay where they are
         self.log = Log()
         self.phase = ""
         self.clock, self.rate = 0.0, 1.0  # time of the plan, and how fast it goes on [s, 1]
@@ -177,7 +177,7 @@ class Walker:
     # One cycle
 
     def cycle(self, senses: Senses) -> tuple[Array, Array]:
-        """Return targets (19,) [rad] and additional torques (19,) [N m] of the servos."""
+        """Return targets (j,) [rad] and additional torques (j,) [N m] of the servos of all joints."""
         state = self.estimator.update(senses)
         if not self.phase:
             self._begin(state)
@@ -430,10 +430,10 @@ class Walker:
             turn = rotation(1, pitch) @ rotation(0, roll)
             feet[foot] = (self.commanded[foot] - turn @ SOLE_CENTRE, turn)
         targets = np.concatenate((joint_angles(pelvis, np.eye(3), feet), self.arm))
-        rates = np.zeros(19) if self.last is None else (targets - self.last) / self.period
+        rates = np.zeros_like(targets) if self.last is None else (targets - self.last) / self.period
         self.last = targets
         torques = self.estimator.gravity_torques(self._forces(state, wanted))
-        return targets, torques + np.concatenate((DAMPING * rates[:12], np.zeros(len(ARM))))
+        return targets, torques + DAMPING * rates  # the servos damp velocities; the arm does not move
 
     def _forces(self, state: State, wanted: Array) -> dict[str, tuple[Array, Array]]:
         """Return the forces of the ground that together act at the desired ZMP, and their points."""

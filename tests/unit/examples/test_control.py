@@ -473,7 +473,7 @@ def test_pushed_robot_that_falls_slowly_does_not_count_as_standing():
 def test_robot_steps_next_to_an_obstacle_and_walks_on(obstacle):
     from replanning import MIN_AREA, Case, run
 
-    result = run(Case(obstacle, True, 0))
+    result = run(Case(obstacle, "what is felt, new steps", 0))
     assert result.stands and result.steps == 5
     assert result.retracted[0] == "right" and result.area < MIN_AREA  # without the skin it falls there
 
