@@ -20,7 +20,7 @@ LINES = (  # of each panel: key of the log, name, colour, width
 def draw_walks(runs: Mapping[str, Callable[[Callable[..., None]], Any]], path: Path) -> None:
     """Run cases, and draw their ZMP, DCM and supporting polygon over time, as figures 59 to 64 of the thesis.
 
-    Of the polygon the extent along each axis is drawn: there can be less room for the ZMP than this.
+    Of the polygon the extent along each axis is drawn; where it is oblique, the ZMP is limited to less than this.
 
     Parameters
     ----------
