@@ -9,7 +9,8 @@ import numpy as np
 from ...common.arrays import Array, unit
 from ...common.errors import InvalidPlan
 from ...geometry.grid.grids import check_order
-from ...geometry.mesh.cover import CoverSpec, Cut, are_outer, cut_cover, one_side, seen_faces, shells_after
+from ...geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, seen_faces, shells_after
+from ...geometry.mesh.shells import are_outer
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...geometry.mesh.visibility import visibility
 from ...geometry.sampling.planes import Planes, perpendicular

@@ -11,8 +11,8 @@ from ...common.arrays import Array, BoolArray, IntArray, freeze, unit
 from ...common.errors import counted, listed
 from ...common.warnings import Warning
 from ..components import components
-from .cover import is_outer, shells
 from .outliers import without_outliers
+from .shells import is_outer, shells
 from .triangle_mesh import TriangleMesh, weld
 
 # [1] height of a face to the mesh size below which its normal is only rounding. Larger: more faces are reported as

@@ -12,7 +12,7 @@ from skin_calib_addon.geometry.grid.axis import FULL_TURN_ANGLES, axis_through, 
 from skin_calib_addon.geometry.grid.curved_axis import section_centres
 from skin_calib_addon.geometry.grid.cut_planes import cut_normal
 from skin_calib_addon.geometry.grid.grids import Across, Planes, PlanesGrid
-from skin_calib_addon.geometry.mesh.cover import convex_hull, fraction_inside
+from skin_calib_addon.geometry.mesh.shells import convex_hull, fraction_inside
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, check_size
 from skin_calib_addon.geometry.mesh.units import likely_mistake
 from skin_calib_addon.geometry.surface.footpoints import _cell_ends, _second_derivatives

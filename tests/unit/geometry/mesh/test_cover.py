@@ -7,7 +7,8 @@ import trimesh
 from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry.mesh import cover
-from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, shells, shells_after
+from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, shells_after
+from skin_calib_addon.geometry.mesh.shells import shells
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, weld
 from tests.shapes import RADIUS, Motion, box, cylinder, keep, same_mesh, shuffled, together, welded, wrist
 
