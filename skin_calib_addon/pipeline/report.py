@@ -16,6 +16,7 @@ from ..common.surface_errors import DistanceStatistics
 from ..common.warnings import to_document
 from ..geometry.fit.fitting import leave_one_out
 from ..geometry.fit.surface_fit import SurfaceFit
+from ..geometry.mesh.cover import single_faces
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.mesh.visibility import visibility
 from ..skin.boards.board_taxels import angles
@@ -236,6 +237,7 @@ def covered_area(calibration: LinkCalibration) -> float:
 
 def seen_area(mesh: TriangleMesh) -> float:
     """Return the area of a mesh that can be seen from outside [m^2]."""
+    mesh = single_faces(mesh)
     return float(visibility(mesh).fractions @ mesh.face_areas)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..common.arrays import Array, BoolArray, IntArray
+from ..geometry.mesh.cover import single_faces
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.mesh.visibility import MIN_OPEN, MIN_OPENNESS, openness_at, sample_faces, visibility
 
@@ -32,6 +33,7 @@ class LinkPoints:
     @classmethod
     def of(cls, mesh: TriangleMesh) -> "LinkPoints":
         """Return the points of a mesh that are in the open; all of them are free."""
+        mesh = single_faces(mesh)
         points, face, areas = sample_faces(mesh, POINT_DISTANCE)
         normals = mesh.face_normals[face] * visibility(mesh).sides[face][:, None]
         openness = openness_at(mesh, points, normals)

@@ -9,7 +9,8 @@ import numpy as np
 from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidMesh, InvalidPlan
 from ..components import components
-from .shells import is_outer, merged
+from .defects import coherent
+from .shells import is_outer, merged, single
 from .triangle_mesh import TriangleMesh, weld
 from .visibility import visibility
 
@@ -54,6 +55,7 @@ def cut_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
     InvalidPlan
         If a cut removes everything, or its normal is zero; or if nothing can be seen.
     """
+    mesh = single_faces(mesh)
     if spec.shell == "seen":
         mesh = seen_faces(mesh)  # before the cuts: through them one would see the inside
     for i, cut in enumerate(spec.cuts):
@@ -70,6 +72,32 @@ def cut_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
     return outer_shells(mesh) if spec.shell == "outer" else mesh
 
 
+@lru_cache(maxsize=4)  # while cuts move, the mesh is the same
+def single_faces(mesh: TriangleMesh) -> TriangleMesh:
+    """Return a mesh that has, of faces that are back to back, the one whose normal points outward.
+
+    Both would count in areas, and the normal of the other one would be that of no skin.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        With doubled faces, or without.
+
+    Returns
+    -------
+    TriangleMesh
+        The same one if no face is doubled.
+    """
+    number = single(mesh)[1]
+    if number.max() + 1 == len(number):
+        return mesh
+    order = np.lexsort((-visibility(mesh).sides, number))
+    _, first = np.unique(number[order], return_index=True)
+    # Near edges of open parts both sides are seen: there the rest of the part decides.
+    kept = coherent(weld(mesh.vertices, mesh.faces[order[first]]))
+    return weld(kept.vertices, kept.faces)
+
+
 @lru_cache(maxsize=1)  # as visibility
 def seen_faces(mesh: TriangleMesh) -> TriangleMesh:
     """Return the faces of all shells that can be seen from outside.
@@ -79,6 +107,7 @@ def seen_faces(mesh: TriangleMesh) -> TriangleMesh:
     InvalidPlan
         If there is none.
     """
+    mesh = single_faces(mesh)
     seen = visibility(mesh).seen
     if not seen.any():
         raise InvalidPlan('No face of the mesh can be seen from outside. Set "shell": "outer".')

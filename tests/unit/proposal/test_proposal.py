@@ -13,7 +13,7 @@ from skin_calib_addon.common.errors import InvalidPlan, PoorFit
 from skin_calib_addon.geometry import CoverSpec
 from skin_calib_addon.geometry.grid.grids import Across
 from skin_calib_addon.geometry.mesh.closest import MeshDistance
-from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh, weld
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan, plan_document, plan_from
@@ -146,6 +146,16 @@ def test_proposal_is_a_plan_that_can_be_carried_out(tube, tmp_path, skin):
         cosine = (tube.face_normals[face] * patch.taxels.normals_link).sum(axis=1)
         assert cosine.min() > np.cos(np.deg2rad(18))
     assert not [w for w in result.calibration.warnings if w.severity == "error"]
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_faces_back_to_back_count_once(tmp_path, every):
+    """They had twice the area, and no board was parallel to the normal of the second one."""
+    mesh = block()
+    doubled = weld(mesh.vertices, np.concatenate((mesh.faces, mesh.faces[::every, ::-1])))
+    plain, found = proposed(mesh, tmp_path), proposed(doubled, tmp_path)
+    assert (found.seen, found.free, found.cells) == pytest.approx((plain.seen, plain.free, plain.cells))
+    assert found.cells > 0.5 * found.free
 
 
 def test_points_next_to_a_surface_are_taken():

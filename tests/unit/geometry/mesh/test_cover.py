@@ -6,7 +6,7 @@ import trimesh
 
 from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.common.errors import InvalidPlan
-from skin_calib_addon.geometry.mesh import cover
+from skin_calib_addon.geometry.mesh import shells as shells_module
 from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, shells_after
 from skin_calib_addon.geometry.mesh.shells import shells
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, weld
@@ -125,7 +125,9 @@ def test_faces_that_are_back_to_back_are_one_face(every):
     assert len(doubled.faces) == len(mesh.faces) + len(mesh.faces[::every])
     assert shells(doubled).max() == 1
     inside = np.linalg.norm(doubled.triangles.mean(axis=1)[:, :2], axis=1) < 0.02
-    assert (cover.is_outer(doubled) == ~inside).all()
+    assert (shells_module.is_outer(doubled) == ~inside).all()
+    for shell in ("outer", "seen"):  # of each two the outward one
+        assert same_mesh(cut_cover(doubled, CoverSpec(shell)), cut_cover(mesh, CoverSpec(shell)))
 
 
 def test_cut_that_removes_everything_is_refused():
@@ -251,8 +253,8 @@ def test_faces_with_corners_of_their_own_are_one_shell(part):
 
 def test_hull_is_computed_again_only_for_parts_that_make_it_larger(monkeypatch):
     """Links can have a thousand parts, such as letters on their outside."""
-    hulls = []
-    monkeypatch.setattr(cover, "convex_hull", lambda points, real=cover.convex_hull: hulls.append(1) or real(points))
+    hulls, real = [], shells_module.convex_hull
+    monkeypatch.setattr(shells_module, "convex_hull", lambda points: hulls.append(1) or real(points))
     letters = [box((0.001 * k, 0, 0.05), (0.001 * k + 5e-4, 0.001, 0.050002)) for k in range(20)]
     mesh = together(box((0, 0, 0), (0.1, 0.1, 0.05)), *letters, box((0.2, 0, 0), (0.21, 0.01, 0.01)))
     assert same_mesh(cut_cover(mesh, CoverSpec("outer")), mesh)
