@@ -1,8 +1,10 @@
 """Recorded readings of a controller, cycle by cycle, from a CSV or NPZ file."""
 
 import math
+import re
 import zipfile
 from collections.abc import Callable, Collection, Iterable, Iterator
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +30,10 @@ def read_recording(path: str | Path) -> Iterator[tuple[float, Array]]:
     Parameters
     ----------
     path : path
-        A CSV file or an NPZ file. The header of a CSV file begins with ``time`` and has a column for each channel, in
-        their order. Commas, semicolons or tabs separate the columns. An empty cell is a lost number. An NPZ file has
-        the arrays ``time`` (t,) and ``readings`` (t, channels).
+        A CSV file or an NPZ file. The first column of a CSV file is ``time``. If there are names such as ``channel_7``,
+        these columns are the channels with these numbers, and no other column counts. Otherwise all others are the
+        channels, in their order. Commas, semicolons or tabs separate the columns. An empty cell is a lost number. An
+        NPZ file has the arrays ``time`` (t,) and ``readings`` (t, channels).
 
     Raises
     ------
@@ -125,13 +128,27 @@ def _table(path: Path) -> Iterator[tuple[float, Array]]:
             raise CalibrationFormatError(
                 f"'{path}', line 1: the header of a recording must be time and one name for each channel"
             )
+        columns = _columns_of_channels(header, path)
         for line, row in rows:
             if len(row) > len(header):
                 raise TableError(line, f"the row has {len(row)} columns, but the header has {len(header)}")
             cells = [_number(cell, path, line, k + 1) for k, cell in enumerate(row)]
-            yield cells[0], np.array(cells[1:])
+            given = takewhile(len(cells).__gt__, columns)  # of a short row: up to its first missing channel
+            yield cells[0], np.array([cells[k] for k in given])
     except TableError as problem:
         raise CalibrationFormatError(f"'{path}', line {problem.line}: {problem}") from problem
+
+
+def _columns_of_channels(header: list[str], path: Path) -> list[int]:
+    """Return the column of each channel: by the numbers in names ``channel_<number>``, without them in their order."""
+    named = [(int(name[8:]), k) for k, name in enumerate(header) if re.fullmatch("channel_[0-9]{1,9}", name)]
+    for channel, (number, _) in enumerate(sorted(named)):
+        if number != channel:
+            what = f"names channel_{number} twice" if number < channel else f"has no channel_{channel}"
+            raise CalibrationFormatError(
+                f"'{path}', line 1: the header {what}. Name the channels channel_0 to channel_{len(named) - 1}"
+            )
+    return [k for _, k in sorted(named)] or list(range(1, len(header)))
 
 
 def _number(cell: str, path: Path, line: int, column: int) -> float:

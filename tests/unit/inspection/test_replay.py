@@ -98,6 +98,21 @@ def test_other_separators_and_comments_are_read(separator, tmp_path):
         assert time == other_time and (reading == other).all()
 
 
+def test_columns_with_numbered_names_count_by_their_numbers(tmp_path):
+    """The order of such columns does not matter, and other columns are not channels. Without them the order counts."""
+    time, rows = readings(2)
+    path = as_csv(tmp_path / "r.csv", time, rows)
+    backwards = [[cells[0], *cells[:0:-1]] for cells in (line.split(",") for line in path.read_text().splitlines())]
+    path.write_text("\n".join(map(",".join, backwards)))
+    assert [reading.tolist() for _, reading in read_recording(path)] == rows.tolist()
+    path.write_text("time,channel_0,channel_2,channel_1\n0,5,6\n")
+    assert [reading.tolist() for _, reading in read_recording(path)] == [[5.0]]
+    path.write_text("time,true_x,channel_1,channel_0\n0,7,5,6\n")
+    assert [reading.tolist() for _, reading in read_recording(path)] == [[6.0, 5.0]]
+    path.write_text("time,left,channel\n0,5,6\n")
+    assert [reading.tolist() for _, reading in read_recording(path)] == [[5.0, 6.0]]
+
+
 def test_replay_takes_rest_and_thresholds(calibration, tmp_path, capsys):
     """The first frames are the baseline; a higher threshold detects fewer contacts."""
     time, rows = readings()
@@ -115,6 +130,8 @@ def test_replay_takes_rest_and_thresholds(calibration, tmp_path, capsys):
         ("", "is empty. Check that it was written completely."),
         ("\n", "line 1: the header of a recording must be time and one name for each channel"),
         ("t,a\n1,2\n", "line 1: the header of a recording must be time"),
+        ("time,channel_0,channel_2\n0,1,2\n", "line 1: the header has no channel_1. Name the channels channel_0 to"),
+        ("time,channel_1,channel_0,channel_1\n0,1,2,3\n", "line 1: the header names channel_1 twice"),
         ("time,a\n0,1\n1,x\n", "line 3, column 2: has 'x' instead of a number"),
         ('time,a\n0,"1\n', "is not a row of a table"),
     ],
