@@ -87,6 +87,13 @@ def count(text: str) -> int:
     return int(text)
 
 
+def file_name(text: str) -> Path:
+    """Parse an option that names a file to write: a name that ends with a slash is a folder."""
+    if text.endswith(("/", os.sep)):
+        raise argparse.ArgumentTypeError(f"{text!r} ends with a slash, which means a folder. Name a file")
+    return Path(text)
+
+
 def newtons(text: str) -> float:
     """Parse an option that is a positive force [N]."""
     try:

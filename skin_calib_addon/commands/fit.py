@@ -40,8 +40,9 @@ def add(commands, scene_plans: ScenePlans | None) -> None:
     fit = commands.add_parser(
         "fit",
         help="calculate calibration files from plans",
-        description="If OUT is a folder, calibrations that are up to date (same plan, mesh, taxel files and program) "
-        "are not fitted again. An error of one link does not stop the others.",
+        description="OUT is a folder if it exists as one, or ends with a slash. For a folder, a URDF or several plans, "
+        "a name without an ending is a folder, too. It is created. Calibrations in it that are up to date (same plan, "
+        "mesh, taxel files and program) are not fitted again. An error of one link does not stop the others.",
     )
     fit.add_argument(
         "plans",
@@ -50,9 +51,9 @@ def add(commands, scene_plans: ScenePlans | None) -> None:
         metavar="PLAN",
         help="plan file; folder of *.plan.json; or URDF: fit the plans in its folder and compare them with it",
     )
-    fit.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="calibration file, or folder")
-    fit.add_argument("--picture", type=Path, metavar="PNG", help="picture of surface, errors and taxels; or folder")
-    fit.add_argument("--report", type=Path, metavar="JSON", help="report of errors and times; or folder")
+    fit.add_argument("-o", "--output", required=True, metavar="OUT", help="calibration file, or folder")
+    fit.add_argument("--picture", metavar="PNG", help="picture of surface, errors and taxels; or folder")
+    fit.add_argument("--report", metavar="JSON", help="report of errors and times; or folder")
     fit.add_argument("--again", action="store_true", help="also fit calibrations that are up to date")
     fit.add_argument(
         "--propose",
@@ -64,6 +65,10 @@ def add(commands, scene_plans: ScenePlans | None) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    given = [options.output, options.picture, options.report]
+    with_slash = {Path(text) for text in given if text and text.endswith(("/", os.sep))}
+    options.output, options.picture, options.report = (None if text is None else Path(text) for text in given)
+    has_folder = options.propose or any(os.path.isdir(path) or is_urdf(path) for path in options.plans)
     proposed = DONE
     fitted: dict[Path, Fitted | None] = {}
     if options.propose:
@@ -95,18 +100,23 @@ def run(options: argparse.Namespace) -> int:
     check_target(options.picture, *inputs, options.output)
     check_target(options.report, *inputs, options.output, options.picture)
     names = [name for name, _, _ in links]
-    if len(links) > 1 and not options.output.suffix and not os.path.lexists(options.output):
-        make_folder(options.output)
-    for target in (options.output, options.picture, options.report):
-        if len(links) > 1 and target is not None and not os.path.isdir(target):
-            raise OutputError(
-                f"{target} is not a folder; {len(links)} links need one. Create it, or choose an existing folder."
-            )
-    check_picture(options.picture)
+    targets = [path for path in (options.output, options.picture, options.report) if path is not None]
+    folders = [path for path in targets if os.path.isdir(path)]
+    for path in targets:
+        needs_folder = len(links) > 1 or path in with_slash or (has_folder and not path.suffix)
+        if path in folders or not needs_folder:
+            continue
+        if os.path.lexists(path) or (path.suffix and path not in with_slash):
+            why = f"{len(links)} links need one" if len(links) > 1 else "this call needs one"
+            raise OutputError(f"{path} is not a folder; {why}. Create it, or choose an existing folder.")
+        folders.append(path)
+    check_picture(None if options.picture in folders else options.picture)
     if len(set(names)) < len(names):
         raise OutputError(
             f"Two plans have the name {next(n for n in names if names.count(n) > 1)!r}. Rename one of them."
         )
+    for path in folders:
+        make_folder(path)
     folder = options.output if options.plans and os.path.isdir(options.output) else None
     known = load_sources(folder) if folder else {}
     jobs = [_job(options, name, plan, mesh, robot, folder, known) for name, plan, mesh in links]

@@ -13,7 +13,7 @@ from ..pipeline import calibrate
 from ..pipeline.report import summary
 from ..plan import Plan, check_frame, check_plan, load_plan, plan_document, plan_from
 from ..skin.imported import placed
-from .common import DONE, check_kept, check_target, complain, listed, say
+from .common import DONE, check_kept, check_target, complain, file_name, listed, say
 
 
 def add(commands) -> None:
@@ -29,7 +29,7 @@ def add(commands) -> None:
     importing.add_argument(
         "--from", dest="format", choices=READABLE, metavar="FORMAT", help="one of the formats below (default: detected)"
     )
-    importing.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="table, or calibration")
+    importing.add_argument("-o", "--output", required=True, type=file_name, metavar="OUT", help="table, or calibration")
     importing.add_argument(
         "--only", metavar="PATTERN", help="read only taxels whose label matches, as in 'l_forearm_skin_*'"
     )

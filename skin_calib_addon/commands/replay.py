@@ -12,7 +12,7 @@ from ..common.errors import CalibrationFormatError
 from ..inspection.recording import frame_document, read_modalities, read_recording
 from ..runtime import Frame, Skin, load
 from ..runtime.modalities import FORCE
-from .common import DONE, check_kept, check_picture, check_target, complain, count, newtons, say
+from .common import DONE, check_kept, check_picture, check_target, complain, count, file_name, newtons, say
 
 
 def add(commands) -> None:
@@ -20,9 +20,13 @@ def add(commands) -> None:
     replay.add_argument("file", type=Path, metavar="CALIBRATION", help="calibration file")
     replay.add_argument("readings", type=Path, metavar="READINGS", help="CSV or NPZ file with time and readings")
     replay.add_argument(
-        "-o", "--output", type=Path, metavar="OUT", help="contacts, CoP, ZMP and polygons as JSON, one line per frame"
+        "-o",
+        "--output",
+        type=file_name,
+        metavar="OUT",
+        help="contacts, CoP, ZMP and polygons as JSON, one line per frame",
     )
-    replay.add_argument("--picture", type=Path, metavar="PNG", help="picture of contacts and polygons on the skin")
+    replay.add_argument("--picture", type=file_name, metavar="PNG", help="picture of contacts and polygons on the skin")
     replay.add_argument(
         "--tare", type=count, default=0, metavar="N", help="use the first N frames as readings at rest (default: 0)"
     )

@@ -16,7 +16,7 @@ from ..calibration.response_fit import ResponseFit, fit_response
 from ..common.errors import CalibrationFormatError, UnderdeterminedFit
 from ..common.findings import did_you_mean, show
 from ..common.warnings import Place, Warning
-from .common import DONE, check_kept, check_picture, check_target, complain, say
+from .common import DONE, check_kept, check_picture, check_target, complain, file_name, say
 
 
 def add(commands) -> None:
@@ -31,8 +31,10 @@ def add(commands) -> None:
     response.add_argument(
         "--modality", metavar="NAME", help="fit the response of this modality of the calibration, in its unit"
     )
-    response.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="calibration file")
-    response.add_argument("--picture", type=Path, metavar="PNG", help="picture of measurements, curves and residuals")
+    response.add_argument("-o", "--output", required=True, type=file_name, metavar="OUT", help="calibration file")
+    response.add_argument(
+        "--picture", type=file_name, metavar="PNG", help="picture of measurements, curves and residuals"
+    )
     response.set_defaults(run=run)
 
 

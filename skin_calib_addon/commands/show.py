@@ -13,7 +13,7 @@ from ..pipeline.report import area_table, covered_area, robot_table, seen_area, 
 from ..robot.kinematics import link_poses
 from ..robot.link_mesh import load_urdf_meshes
 from ..robot.urdf import read_robot
-from .common import DONE, FIT_WITH_URDF, WRONG_DATA, check_kept, check_picture, check_target, complain, say
+from .common import DONE, FIT_WITH_URDF, WRONG_DATA, check_kept, check_picture, check_target, complain, file_name, say
 
 
 def add(commands) -> None:
@@ -22,7 +22,7 @@ def add(commands) -> None:
     )
     parser.add_argument("file", type=Path, metavar="FILE", help="calibration file; robot.json, or its folder")
     parser.add_argument(
-        "--picture", type=Path, metavar="PNG", help="picture of surfaces and taxels; of a robot in its zero pose"
+        "--picture", type=file_name, metavar="PNG", help="picture of surfaces and taxels; of a robot in its zero pose"
     )
     parser.set_defaults(run=run)
 

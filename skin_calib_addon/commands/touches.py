@@ -12,7 +12,7 @@ from ..pipeline.refine import refine
 from ..pipeline.touch_distance import check_touches
 from ..plan import FORMAT, load_plan, named_from, save_plan
 from ..validation import Placement, placements, read_touches, summarize
-from .common import DONE, check_kept, check_picture, check_target, complain, say
+from .common import DONE, check_kept, check_picture, check_target, complain, file_name, say
 
 
 def add(commands) -> None:
@@ -28,8 +28,8 @@ def add(commands) -> None:
     touches.add_argument(
         "--refine", action="store_true", help="move the skins of the plan to the positions of the touches"
     )
-    touches.add_argument("-o", "--output", type=Path, metavar="OUT", help="refined plan")
-    touches.add_argument("--picture", type=Path, metavar="PNG", help="picture of the touches and their cells")
+    touches.add_argument("-o", "--output", type=file_name, metavar="OUT", help="refined plan")
+    touches.add_argument("--picture", type=file_name, metavar="PNG", help="picture of the touches and their cells")
     touches.set_defaults(run=run, refuse=touches.error)
 
 

@@ -272,6 +272,30 @@ def test_many_plans_need_a_folder(folder, capsys, option, code):
     assert not list((folder / "out").iterdir()) and not (folder / "one.file").exists()
 
 
+def test_one_plan_of_a_folder_gets_a_folder(folder):
+    """A folder as input is a set of links, also if there is one; so is a name that ends with a slash."""
+    plan = write_plan(folder)
+    assert main(["fit", str(folder), "-o", str(folder / "out"), "--report", str(folder / "reports")]) == 0
+    assert {path.name for path in (folder / "out").iterdir()} == {"robot.json", "sources.json", "tube.calibration.json"}
+    assert [path.name for path in (folder / "reports").iterdir()] == ["tube.report.json"]
+    assert main(["fit", str(plan), "-o", f"{folder / 'again'}/"]) == 0
+    assert (folder / "again/tube.calibration.json").is_file()
+    assert main(["fit", str(plan), "-o", str(folder / "file")]) == 0
+    assert (folder / "file").is_file()
+
+
+def test_file_is_no_folder(folder, capsys):
+    """A name with a slash at the end replaces no file, and is no name of a file where a command writes one."""
+    plan, file = write_plan(folder), folder / "file"
+    file.write_text("old")
+    for call in ((plan, "-o", f"{file}/"), (folder, "-o", file)):
+        assert_refused(capsys, 2, f"{file} is not a folder; this call needs one", "fit", *call)
+    assert file.read_text() == "old"
+    with pytest.raises(SystemExit) as stop:
+        main(["touches", str(plan), "t.csv", "--refine", "-o", f"{folder}/new/"])
+    assert stop.value.code == 2 and "ends with a slash, which means a folder. Name a file" in capsys.readouterr().err
+
+
 def test_plans_of_one_name_are_refused(folder, capsys):
     """Both would write the same file."""
     (folder / "out").mkdir()
