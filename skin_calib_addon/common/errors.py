@@ -65,8 +65,10 @@ class UnknownLink(SkinCalibError):
     """The calibration has no link of this name."""
 
 
-class UnknownTaxel(SkinCalibError):
+class UnknownTaxel(SkinCalibError, KeyError):
     """The link has no taxel of this name."""
+
+    __str__ = SkinCalibError.__str__  # that of KeyError puts the message between quotation marks
 
 
 class InvalidReading(SkinCalibError):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
-from ..common.errors import InvalidReading
+from ..common.errors import InvalidReading, UnknownTaxel
 from .batch import Batch, Processor
 from .clock import Clock
 from .contacts import contacts_of
@@ -248,14 +248,14 @@ class Skin:
 
         Raises
         ------
-        KeyError
-            If a taxel does not exist.
+        UnknownTaxel
+            If a taxel does not exist. It is a KeyError, too. The masked taxels do not change.
         """
         row = {name: i for i, name in enumerate(self.ids)}
         masked = np.zeros(len(self.ids), bool)
         for name in ids:
             if name not in row:
-                raise KeyError(f"no taxel {name!r} on the skin of {self.link}")
+                raise UnknownTaxel(f"no taxel {name!r} on the skin of {self.link}; use the names in 'ids'")
             masked[row[name]] = True
         self._readings.mask(masked)
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from skin_calib_addon.calibration import Response, ResponseTable, TaxelResponses
-from skin_calib_addon.common.errors import InvalidReading
+from skin_calib_addon.common.errors import InvalidReading, UnknownTaxel
 from skin_calib_addon.runtime import Skin
 from skin_calib_addon.runtime.clock import Clock
 from tests.samples import plane, small_calibration
@@ -102,8 +102,9 @@ def test_masked_taxels_are_left_out_of_everything():
     skin.mask(["sole.4", "sole.5"])
     frame = skin.update(reading, 0.0)
     assert frame.flags == frozenset() and frame.touched is False and not frame.known[[4, 5]].any()
-    with pytest.raises(KeyError, match="no taxel 'sole.99' on the skin of left_sole"):
+    with pytest.raises(UnknownTaxel, match="^no taxel 'sole.99' on the skin of left_sole; use") as raised:
         skin.mask(["sole.99"])
+    assert isinstance(raised.value, KeyError)  # which it was before
     assert not skin.update(reading, 0.1).known[5]
     skin.mask([])
     assert skin.update(reading, 0.2).active[5]
