@@ -277,7 +277,8 @@ def table(calibration: LinkCalibration) -> str:
         response = _response(modality.response, modality.unit)
         lines.append(f"modality  {modality.name}: {response}; {which} {count} taxels")
     for s in calibration.surfaces:
-        n, m = s.control_net.shape[:2]
+        # distinct ones, as in the summary: a closed direction repeats its first ones at the end
+        n, m = (size - d * c for size, d, c in zip(s.control_net.shape, s.degree, s.closed))
         closed = "".join(f", closed in {name}" for name, is_closed in zip("uv", s.closed) if is_closed)
         lines += (
             f"surface   {s.name}: {n} x {m} control points, degree {s.degree}{closed}",

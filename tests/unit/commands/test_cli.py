@@ -397,7 +397,7 @@ def test_show_prints_a_table_and_draws(folder, capsys):
     capsys.readouterr()
     assert main(["show", str(folder / "out.json"), "--picture", str(folder / "p.png")]) == 0
     out, err = capsys.readouterr()
-    for text in ("tube.ply: 192 vertices, 336 faces", "6 x 15 control points, degree (3, 3)", "surface to mesh: mean",
+    for text in ("tube.ply: 192 vertices, 336 faces", "6 x 12 control points, degree (3, 3)", "surface to mesh: mean",
                  "sheet of 2 x 4, 8 taxels, channels 0 to 7", "largest strain along: "):  # fmt: skip
         assert text in out
     assert err == "" and (folder / "p.png").read_bytes()[:4] == b"\x89PNG"
@@ -415,7 +415,7 @@ def test_show_prints_all_data_of_a_calibration(tmp_path, capsys):
         "mesh      forearm.stl: 1000 vertices, 1996 faces",
         "by        a\\x1b[31m",
         "response  0.25 I - 0.001 I^2 N for a reading I; 2 more for single taxels",
-        "surface   tube: 3 x 11 control points, degree (2, 3), closed in v",
+        "surface   tube: 3 x 8 control points, degree (2, 3), closed in v",
         "          surface to mesh: mean 0.0150, rms 0.0250, max 0.1100 mm",
         "          mesh to surface: mean 0.0100, rms 0.0200, max 0.1000 mm (parallel faces at any distance)",
         "surface   plane: 2 x 2 control points, degree (1, 1)",
