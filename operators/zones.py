@@ -20,11 +20,12 @@ MIN_WEIGHT = 0.5  # [1] of each vertex of a face that belongs to the group. Larg
 
 
 class SKIN_OT_zones_from_faces(OnSkin, Edit, bpy.types.Operator):
-    """Keep the skin away from the faces selected in Edit Mode, or from those of the active vertex group. Boards get
-    excluded zones; taxels of a sheet or of a file are disabled"""
-
     bl_idname = "skin_calib.zones_from_faces"
     bl_label = "Exclude Faces"
+    bl_description = (
+        "Keep the skin away from the faces selected in Edit Mode, or from those of the active vertex group. Boards get "
+        "excluded zones; taxels of a sheet or of a file are disabled"
+    )
 
     radius: bpy.props.FloatProperty(
         name="Largest Radius [mm]",

@@ -87,4 +87,4 @@ class MeshStep(Step):
             for shell in ("outer", "seen", "all"):
                 row.prop_enum(plan.cover, "shell", shell)
         if found.edges:
-            button(layout, "show_defects", text="Show Holes and Bad Edges", icon="RESTRICT_SELECT_OFF")
+            button(layout, "show_defects", icon="RESTRICT_SELECT_OFF")

@@ -50,9 +50,26 @@ def add(commands) -> None:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Define the options that ``fit --propose`` has, too."""
-    parser.add_argument("--skin", type=_skin, default=DEFAULT_SKIN, metavar="SKIN", help=f"skin of all links. {FORMS}")
-    parser.add_argument("--only", action="append", metavar="LINK", help="only links with this name, or pattern")
-    parser.add_argument("--except", action="append", dest="left_out", metavar="LINK", help="no links with this name")
+    parser.add_argument(
+        "--skin",
+        type=_skin,
+        default=DEFAULT_SKIN,
+        metavar="SKIN",
+        help=f"skin of all links. {FORMS} Default: {DEFAULT_SKIN}",
+    )
+    parser.add_argument(
+        "--only",
+        action="append",
+        metavar="LINK",
+        help="only links with this name, or of this pattern such as left_*; can be repeated",
+    )
+    parser.add_argument(
+        "--except",
+        action="append",
+        dest="left_out",
+        metavar="LINK",
+        help="no links with this name, or of this pattern; can be repeated",
+    )
     parser.add_argument("--unit", choices=("m", "mm"), default="m", help="unit of the numbers of a mesh (default: m)")
     parser.add_argument("--jobs", type=count, default=1, metavar="N", help="number of parallel processes (default: 1)")
 

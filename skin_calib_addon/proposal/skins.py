@@ -68,7 +68,7 @@ def parse_skin(text: str) -> SkinChoice:
         if findings or not isinstance(document, dict) or document.get("kind") not in ("sheet", "hexagons"):
             raise InvalidPlan(f"{text} has no sheet or hexagons, as in the skins of a plan. {FORMS}")
         return _choice(document, text)
-    raise InvalidPlan(f"{text!r} is no skin. {FORMS}")
+    raise InvalidPlan(f"{text!r} is not a skin. {FORMS}")
 
 
 def _choice(document: dict[str, Any], text: str) -> SkinChoice:
@@ -81,7 +81,7 @@ def _choice(document: dict[str, Any], text: str) -> SkinChoice:
             raise InvalidPlan(f"{finding.pointer} {finding.message}")
         (skin,) = skins_from([defaults | document])
     except InvalidPlan as problem:
-        raise InvalidPlan(f"{text} is no skin as in a plan: {problem}. {FORMS}") from problem
+        raise InvalidPlan(f"{text} is not a skin as in a plan: {problem}. {FORMS}") from problem
     if isinstance(skin, SheetSkin):
         skin = replace(skin, origin=None, first_channel=None, registration=None, landmarks=(), trim=True)
     else:

@@ -352,7 +352,7 @@ def test_refused_proposals_and_exports_state_the_reason(bpy, robot, tmp_path):
         bpy.ops.skin_calib.export_robot(directory=str(tmp_path / "out"))
     scene.skin_calib.skin = "leather"
     for name in ("propose", "propose_all"):
-        with pytest.raises(RuntimeError, match="Error: 'leather' is no skin. Write"):
+        with pytest.raises(RuntimeError, match="Error: 'leather' is not a skin. Write"):
             getattr(bpy.ops.skin_calib, name)()
     assert not link.skin_calib.refusal
     link.skin_calib.skins.add().kind = "sheet"

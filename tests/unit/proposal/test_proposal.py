@@ -231,7 +231,7 @@ def test_skin_of_a_file(tmp_path, capsys):
     template = parse_skin(str(path)).template
     assert (template.lattice.side, template.lattice.gap, template.offset) == (0.01, 0.001, 0.002)
     path.write_text(json.dumps({"kind": "sheet", "rows": 2, "columns": 3, "pitch": [1e-6, 0.01]}))
-    with pytest.raises(InvalidPlan, match="skin.json is no skin as in a plan: /pitch/0 must be at least 1e-05"):
+    with pytest.raises(InvalidPlan, match="skin.json is not a skin as in a plan: /pitch/0 must be at least 1e-05"):
         parse_skin(str(path))
     path.write_text(json.dumps({"kind": "hexagons", "size": 0.01}))
     with pytest.raises(InvalidPlan, match="size"):
