@@ -2,9 +2,9 @@
 
     python examples/make_touches.py
 
-The real sheet is 3 mm along its rows and 2 mm across them from its planned position, and rotated by 1.7 degrees. Each
-touch is at a random point of the cell of its taxel, with the tip of the probe 0.7 mm above it. The wires of two taxels
-are swapped. The results are ``examples/wrist_touches.csv`` and ``docs/touches.png``.
+Cell (0, 0) of the real sheet is 3 mm along its row and 2 mm across from its planned position, and the sheet is rotated
+there by 1.7 degrees. Each touch is at a random point of the cell of its taxel, with the tip of the probe 0.7 mm above
+it. The wires of two taxels are swapped. The results are ``examples/wrist_touches.csv`` and ``docs/touches.png``.
 """
 
 from dataclasses import replace
@@ -20,8 +20,8 @@ from skin_calib_addon.plan import load_plan
 
 ROOT = Path(__file__).resolve().parent.parent
 PLAN, TABLE = ROOT / "sample_scenes" / "wrist.plan.json", ROOT / "examples" / "wrist_touches.csv"
-SHIFT = (0.003, 0.002)  # of the sheet, along and across its rows [m]
-ROTATION = 0.03  # of the sheet [rad]
+SHIFT = (0.003, 0.002)  # of cell (0, 0), along and across its row [m]
+ROTATION = 0.03  # of the sheet about the normal there [rad]
 TOUCHES = 80
 TIP_HEIGHT = 0.0007  # of the probe over the surface [m]
 SWAPPED = (7, 30)  # touches whose taxels are swapped

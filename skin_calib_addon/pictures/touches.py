@@ -88,7 +88,8 @@ def _draw_cell(axis: Any, placement: Placement) -> None:
         turn = f", turned {np.rad2deg(motion.turn):.2f}°" if np.isfinite(motion.turn_error) else ""
         x, y = np.round(centre, 2) + 0.0  # no minus zero
         axis.set_title(f"shifted {x:.2f}, {y:.2f} mm{turn}", loc="left")
-    half_width = 1.1 * max(np.abs(closed).max(), np.quantile(np.abs(offsets), 0.95))
+    near = np.delete(offsets, placement.outliers, axis=0)
+    half_width = 1.1 * max(np.abs(closed).max(), np.abs(near).max(initial=0.0))
     axis.set_xlim(-half_width, half_width)
     axis.set_ylim(-half_width, half_width)
     axis.axhline(0, color="0.8", linewidth=0.6, zorder=0)
