@@ -159,3 +159,12 @@ def test_each_picture_has_a_command():
     assert named == {f"{path.parent}/" if path.parent.name in ("steps", "real") else path.as_posix() for path in there}
     programs = {word for _, command in rows for word in re.findall(r"python (\S+\.py)", command)}
     assert len(programs) == 8 and all((ROOT / program).is_file() for program in programs)
+
+
+def test_readme_states_the_polygons_of_the_results():
+    """The number of guaranteed polygons of the simulated foot is the sum of those in its table."""
+    row = re.search(
+        r"\| guaranteed polygon inside the true one \|(.*)", (DOCS / "explanation/results.md").read_text("utf-8")
+    )
+    inside, frames = (sum(map(int, column)) for column in zip(*re.findall(r"(\d+) of (\d+)", row[1])))
+    assert f"in {inside} of {frames} frames" in (ROOT / "README.md").read_text("utf-8")
