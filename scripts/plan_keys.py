@@ -21,7 +21,8 @@ TABLES = ROOT / "docs" / "reference" / "plan_keys.md"
 HEAD = """# Plan keys
 
 Generated from `skin_calib_addon/plan/keys.py` by `scripts/plan_keys.py`. Lengths are metres, angles radians, points and
-directions are in the link frame. Keys that begin with `x_` are yours; they are kept.
+directions are in the link frame. Keys at the top level that begin with `x_` are yours;
+they are kept.
 """
 COLUMNS = ("key", "value", "default", "meaning", "in the window", "acts in")
 
