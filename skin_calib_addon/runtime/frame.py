@@ -45,7 +45,9 @@ class Frame:
     saturated: BoolArray  # (n,) whether the force may be larger
     stuck: BoolArray  # (n,) whether the reading of an active taxel has not changed for too long
     contacts: tuple[Contact, ...]
-    wrench: Array  # (6,) of all taxels about the origin of the link [N, N m]; NaN if it is unknown
+    # (6,) about the origin of the link [N, N m]; NaN if it is unknown. With learned noise of all taxels, each with its
+    # weight, also outside of contacts; otherwise of the active taxels
+    wrench: Array
     flags: frozenset[str]
     problem: str | None  # why the complete reading was refused
     footprint: Footprint | None  # the active taxels; None if they are unknown
