@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Plans and calibrations, read from files and written to them."""
 
+from contextlib import suppress
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -24,6 +25,7 @@ from ..skin_calib_addon.geometry.mesh.triangle_mesh import (
 from ..skin_calib_addon.pipeline.sources import taxel_files
 from ..skin_calib_addon.plan import load_plan, named_from, save_plan
 from ..skin_calib_addon.robot.link_mesh import is_urdf, load_plan_mesh
+from ..skin_calib_addon.robot.urdf import read_robot
 from .files import Import
 from .on_link import KeepsLink, OnLink
 from .working import WhileIdle
@@ -80,7 +82,7 @@ class Export(ExportHelper):
     def execute(self, context):
         path = Path(bpy.path.abspath(self.filepath))
         try:
-            _check_kept(context, path)
+            check_kept(context.object, context.scene, path)
             warnings = self.write(context, path)
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
@@ -91,20 +93,21 @@ class Export(ExportHelper):
         return {"FINISHED"}
 
 
-def _check_kept(context, path):
-    """Raise OutputError if a file to write would replace a mesh, the URDF, or a taxel file of the active link."""
-    link = context.object
-    urdf = robots.urdf_of(link)
-    files = (*taxel_files(plans.read_plan(link, context.scene)), *([urdf] if urdf else []))
-    if path.is_file() and (_is_mesh(path) or any(is_same_file(path, file) for file in files)):
-        raise OutputError(f"{path} is a mesh, or a file of this link. Choose another name.")
+def check_kept(link, scene, path):
+    """Raise OutputError if a file to write would replace a mesh, a robot with meshes, or a source of a link."""
+    urdf, mesh = robots.urdf_of(link), path.parent / link.skin_calib.mesh_file
+    files = (mesh, *taxel_files(plans.read_plan(link, scene)), *([urdf] if urdf else []))
+    if path.is_file() and (_is_source(path) or any(is_same_file(path, file) for file in files)):
+        raise OutputError(f"{path} is a mesh, a robot, or a file of this link. Choose another name.")
 
 
-def _is_mesh(path):
-    try:
+def _is_source(path):
+    """Return whether a plan can have a file as its mesh: taxels that were exported as URDF have no meshes."""
+    with suppress(SkinCalibError):
         return len(read_mesh(path).faces) > 0
-    except SkinCalibError:
-        return False
+    with suppress(SkinCalibError):
+        return any(read_robot(path).links.values())
+    return False
 
 
 def fit_to_write(context):

@@ -147,11 +147,32 @@ def test_mesh_and_taxel_files_of_the_link_are_not_replaced(bpy, link, tmp_path, 
     path = {"mesh": tmp_path / link.skin_calib.mesh_file, "skin": taxels}[file]
     before = path.read_bytes()
     words = {"format": "ply"} if name == "export_taxels" else {}
-    with pytest.raises(RuntimeError, match="is a mesh, or a file of this link. Choose another name"):
+    with pytest.raises(RuntimeError, match="is a mesh, a robot, or a file of this link. Choose another name"):
         getattr(bpy.ops.skin_calib, name)(filepath=str(path), **words)
     assert path.read_bytes() == before
     for _ in range(2):
         assert getattr(bpy.ops.skin_calib, name)(filepath=str(tmp_path / "out.ply"), **words) == {"FINISHED"}
+
+
+@pytest.mark.parametrize("name", ["export_plan", "export_calibration", "export_taxels"])
+def test_urdf_is_not_replaced(bpy, plan_file, tmp_path, name):
+    """The robot of the link, also if it has become invalid, or another robot; frames of an earlier export are."""
+    plan_file()
+    visual = '<visual><origin xyz="0 0 0.01"/><geometry><mesh filename="arm.stl"/></geometry></visual>'
+    text = f'<robot name="bot"><link name="arm">{visual}</link></robot>'
+    own, other = tmp_path / "bot.urdf", tmp_path / "other.urdf"
+    own.write_text(text)
+    other.write_text(text)
+    bpy.ops.skin_calib.import_urdf(filepath=str(own), link="arm")
+    bpy.ops.skin_calib.skin_add(kind="sheet")
+    words = {"format": "urdf"} if name == "export_taxels" else {}
+    for path, content in ((own, text), (other, text), (own, text.replace("</robot>", ""))):
+        path.write_text(content)
+        with pytest.raises(RuntimeError, match="is a mesh, a robot, or a file of this link. Choose another name"):
+            getattr(bpy.ops.skin_calib, name)(filepath=str(path), **words)
+        assert path.read_text() == content
+    for _ in range(2):
+        assert getattr(bpy.ops.skin_calib, name)(filepath=str(tmp_path / "out.urdf"), **words) == {"FINISHED"}
 
 
 @pytest.mark.parametrize("name", ["export_plan", "export_calibration", "export_taxels"])
