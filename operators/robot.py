@@ -193,12 +193,13 @@ class SKIN_OT_fit_all(OverLinks, OnLinks, bpy.types.Operator):
 
 
 def links_to_write(context):
-    """Return the links with a current fit, which are all that have a plan and are not refused."""
+    """Return the links with a current fit, and those whose fit is refused, which are all others that have a plan."""
     planned = robots.compared_links(context)
-    waiting = [link.name for link in planned if robots.fit_of(link) is None and not updates.is_refused(link)]
+    fitted = [link for link in planned if robots.fit_of(link) is not None]
+    refused = [link for link in planned if link not in fitted and updates.is_refused(link)]
+    waiting = [link.name for link in planned if link not in fitted and link not in refused]
     if waiting:
         raise OutputError(f"{listed(waiting)}: not fitted since the last change. Press Fit All first.")
-    fitted = [link for link in planned if robots.fit_of(link) is not None]
     if not fitted:
         raise OutputError("No link is fitted. Press Propose All and Fit All first.")
     for link in fitted:
@@ -206,17 +207,22 @@ def links_to_write(context):
             raise OutputError(f"Two objects have the link name {link.skin_calib.link}. Rename one of them.")
     if len({link.skin_calib.urdf for link in fitted} - {""}) > 1:
         raise OutputError("The scene has links of two robots. Delete one of them.")
-    return fitted
+    return fitted, refused
 
 
 def write_folder(context, folder, links):
-    """Write plan and calibration of each link, their sources, and robot.json."""
+    """Write plan and calibration of each link, their sources, and robot.json, which has all calibrations of the folder.
+
+    Return the names of the calibrations that were in the folder and are not those of the links.
+    """
     make_folder(folder)
+    written = set()
     for link in links:
         path = plan_path(folder, link.skin_calib.link)
-        save_link(robots.fit_of(link), write_plan(context, link, path), path)
+        written.add(save_link(robots.fit_of(link), write_plan(context, link, path), path))
     urdf = next(filter(None, map(robots.urdf_of, links)), None)
     save_robot(folder, read_robot(urdf) if urdf else None, urdf)
+    return [path.name for path in sorted(folder.glob("*.calibration.json")) if path not in written]
 
 
 class SKIN_OT_export_robot(WhileIdle, OnLinks, bpy.types.Operator):
@@ -236,12 +242,19 @@ class SKIN_OT_export_robot(WhileIdle, OnLinks, bpy.types.Operator):
     def execute(self, context):
         folder = Path(bpy.path.abspath(self.directory))
         try:
-            links = links_to_write(context)
-            write_folder(context, folder, links)
+            if not self.directory:
+                raise OutputError("Choose a folder for the files of the robot.")
+            links, refused = links_to_write(context)
+            earlier = write_folder(context, folder, links)
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         self.report({"INFO"}, f"Wrote {counted(len(links), 'calibration')} and robot.json to {folder}")
+        for link in refused:  # last, because the window shows what was reported last
+            self.report({"WARNING"}, f"{link.name} is not written, because its fit is refused. Robot has the reason.")
+        for name in earlier:
+            stays = f"{name} is from an earlier export, and stays in robot.json"
+            self.report({"WARNING"}, f"{stays}. Remove it from the folder, and export again.")
         return {"FINISHED"}
 
 

@@ -129,6 +129,27 @@ def test_robot_is_not_exported_without_a_link_that_has_a_preview(bpy, updates, f
         bpy.ops.skin_calib.export_robot(directory=str(tmp_path / "robot"))
 
 
+def test_export_of_a_robot_warns_of_what_it_did_not_write(bpy, fitted, plan_file, tmp_path, capfd):
+    """A refused link is named, and each calibration of an earlier export: of this link, and of one that was deleted."""
+    for name in ("leg", "toe"):
+        bpy.ops.skin_calib.import_plan(filepath=str(plan_file(name)))
+        bpy.ops.skin_calib.fit()
+    folder = tmp_path / "robot"
+    bpy.ops.skin_calib.export_robot(directory=str(folder))
+    assert "Warning" not in capfd.readouterr().out
+    bpy.data.objects["leg"].skin_calib.skins[0].columns = 500
+    bpy.data.objects.remove(bpy.data.objects["toe"])
+    with pytest.raises(RuntimeError, match="beyond the edge"):
+        bpy.ops.skin_calib.fit_all()
+    assert bpy.ops.skin_calib.export_robot(directory=str(folder)) == {"FINISHED"}
+    warnings = [line for line in capfd.readouterr().out.splitlines() if line.startswith("Warning")]
+    assert [line.split(" ", 3)[1] for line in warnings] == ["leg", "leg.calibration.json", "toe.calibration.json"]
+    assert "is not written, because its fit is refused" in warnings[0]
+    assert "is from an earlier export, and stays in robot.json. Remove it" in warnings[1]
+    bpy.ops.skin_calib.export_robot(directory=str(tmp_path / "new"))
+    assert len([line for line in capfd.readouterr().out.splitlines() if line.startswith("Warning")]) == 1
+
+
 def test_other_unit_of_the_scene_outdates_the_result(bpy, addon, fitted):
     """Mesh and plan have another size then."""
     assert not outdated(bpy, addon)
