@@ -13,7 +13,7 @@ from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans, r
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.calibration.exchange import FORMATS, WRITABLE
 from ..skin_calib_addon.calibration.file import save_calibration
-from ..skin_calib_addon.common.atomic_file import is_same_file, write_bytes_safely
+from ..skin_calib_addon.common.atomic_file import check_writable, is_same_file, write_bytes_safely
 from ..skin_calib_addon.common.errors import OutputError, SkinCalibError
 from ..skin_calib_addon.geometry.mesh.triangle_mesh import (
     METRES_PER_UNIT,
@@ -126,6 +126,7 @@ def fit_to_write(context):
 
 def write_plan(context, link, path):
     """Write the plan of a link, and return it. If no file has its mesh, the mesh is written next to the plan."""
+    check_writable(path)  # before the mesh is written
     mesh = link_meshes.read_mesh(link, context)
     plan = plans.read_plan(link, context.scene)
     urdf = robots.urdf_of(link)

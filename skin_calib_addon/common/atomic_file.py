@@ -43,11 +43,11 @@ def write_bytes_safely(path: str | os.PathLike[str], data: bytes) -> None:
                 os.unlink(temporary)
             raise
         _sync_folder(target.parent)
-    except FileNotFoundError as problem:
-        raise OutputError(
-            f"cannot write '{path}': the folder '{target.parent}' does not exist. Create it first."
-        ) from problem
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the path
+        if isinstance(problem, FileNotFoundError) and not os.path.isdir(target.parent):  # /proc exists, and refuses too
+            raise OutputError(
+                f"cannot write '{path}': the folder '{target.parent}' does not exist. Create it first."
+            ) from problem
         reason = getattr(problem, "strerror", None) or problem
         raise OutputError(f"cannot write '{path}': {reason}. Choose another folder, or free disk space.") from problem
 

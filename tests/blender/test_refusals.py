@@ -284,11 +284,22 @@ def test_unreadable_plan_is_refused(bpy, addon, tmp_path):
 def test_path_that_cannot_be_written_is_refused(bpy, addon, link, tmp_path, operator):
     """A missing folder, a folder instead of a file, and an empty path change neither scene nor files."""
     (tmp_path / "folder").mkdir()
+    link.location.x = 0.01  # no file has this mesh: the plan needs a new one
     scene, files = scene_state(bpy, addon), folder_state(tmp_path)
     for path in (tmp_path / "missing" / "out.json", tmp_path / "folder"):
         with pytest.raises(RuntimeError, match="Error: cannot write "):
             getattr(bpy.ops.skin_calib, operator)(filepath=str(path))
     assert scene_state(bpy, addon) == scene and folder_state(tmp_path) == files
+
+
+def test_robot_is_not_exported_to_an_empty_path(bpy, link, tmp_path, monkeypatch):
+    """It is the working directory of Blender."""
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    bpy.ops.skin_calib.fit()
+    with pytest.raises(RuntimeError, match="Error: Choose a folder"):
+        bpy.ops.skin_calib.export_robot(directory="")
+    assert not list((tmp_path / "here").iterdir())
 
 
 def bare_object(bpy, kind="MESH"):

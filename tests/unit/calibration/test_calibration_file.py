@@ -350,6 +350,17 @@ def test_write_names_missing_folder(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
+def test_write_does_not_call_an_existing_folder_missing(tmp_path, monkeypatch):
+    """Folders such as /proc refuse new files as if they were missing."""
+
+    def write(*_):
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
+
+    monkeypatch.setattr(atomic_file, "_write_new", write)
+    with pytest.raises(OutputError, match="No such file or directory. Choose another folder"):
+        write_bytes_safely(tmp_path / "c.json", b"")
+
+
 def test_write_keeps_files_that_are_not_regular(tmp_path):
     """A pipe or a folder is not replaced; the same rule protects devices."""
     os.mkfifo(tmp_path / "pipe")
