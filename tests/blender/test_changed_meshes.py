@@ -220,3 +220,30 @@ def test_live_follows_an_animation(bpy, addon, updates, fitted, monkeypatch):
         while updates.tick() is not None:
             pass
         assert bool(reads) == follow and (link.skin_calib.result.key != key) == follow
+
+
+def test_link_of_another_scene_is_read_there(bpy, addon, updates, plan_file, monkeypatch):
+    """A timer has the scene of any window. In another one, the link has no modifiers and another unit."""
+    other = bpy.data.scenes.new("other")
+    other.unit_settings.scale_length = 0.001
+    there = {"scene": other, "view_layer": other.view_layers[0]}
+    with bpy.context.temp_override(**there):
+        bpy.ops.skin_calib.import_plan(filepath=str(plan_file()))
+        (link,) = other.objects
+        link.modifiers.new("finer", "SUBSURF").subdivision_type = "SIMPLE"
+        other.view_layers[0].update()
+    with bpy.context.temp_override(**there, object=link):
+        bpy.ops.skin_calib.fit()
+    monkeypatch.setattr(addon.diagnoses, "CHECK_DELAY", 0.0)
+    addon.diagnoses._mark_unverified(link)
+    updates.possibly_changed(link)
+    while updates.tick() is not None or addon.diagnoses.verify() is not None:
+        pass
+    assert link not in bpy.context.scene.objects[:] and not link.skin_calib.result.outdated
+    link.skin_calib.live = True
+    link.skin_calib.grid.n += 1
+    look(updates)
+    assert updates.reports[link.name].mean > 0
+    while updates.tick() is not None:
+        monkeypatch.setattr(updates, "FIT_DELAY", 0.0)
+    assert not link.skin_calib.result.outdated and link.skin_calib.result.mean > 1e-3  # scene units, not metres

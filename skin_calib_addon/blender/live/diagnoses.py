@@ -37,7 +37,7 @@ unverified: set[str] = set()  # names of objects whose mesh may differ from the 
 _hashes: dict[str, Work] = {}  # of the meshes that are compared now
 _facets: dict[str, Facets] = {}  # of the last comparison of each object: only other ones need another hash
 _changed: dict[str, float] = {}  # objects to be compared, and the time of their change
-_metre = 0.0  # length of a scene unit at the last update [m]
+_metres: dict[str, float] = {}  # length of a unit of each scene at its last update [m], by the scene's name
 
 
 def examination(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., Diagnosis]:
@@ -166,7 +166,8 @@ def _drawn(name: str) -> tuple[bool, bool]:
 def _hash_of(link: bpy.types.Object) -> Callable[..., str]:
     """Return what computes the hash of the mesh of a link without Blender; empty if the mesh is invalid."""
     try:
-        facets = link_meshes.read_facets(link, bpy.context, _facets.get(link.name))
+        with link_objects.in_scene(link):
+            facets = link_meshes.read_facets(link, bpy.context, _facets.get(link.name))
     except SkinCalibError:
         return lambda begin: ""
     _facets[link.name] = facets
@@ -177,8 +178,9 @@ def _use_hash(link: bpy.types.Object, sha256: str) -> None:
     """Compare the mesh of a link, given by its hash, with those of its diagnosis and its fit."""
     if sha256 == link.skin_calib.diagnosis.key:
         unverified.discard(link.name)
-    if not link_objects.why_not(link) and link.visible_get():  # others are read differently, or not at all
-        results.verify(link, bpy.context.scene, sha256)
+    with link_objects.in_scene(link):
+        if not link_objects.why_not(link) and link.visible_get():  # others are read differently, or not at all
+            results.verify(link, bpy.context.scene, sha256)
 
 
 def _is_compared(link: bpy.types.Object) -> bool:
@@ -201,10 +203,9 @@ def _mark_unverified(link: bpy.types.Object) -> None:
 @persistent
 def _updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Mark the objects whose mesh or position Blender has evaluated again; with another unit of the scene, all."""
-    global _metre
     metre = metres_per_unit(scene)
-    if metre != _metre:
-        _metre = metre
+    if metre != _metres.get(scene.name):
+        _metres[scene.name] = metre
         for link in scene.objects:
             _mark_unverified(link)
             updates.possibly_changed(link)
@@ -216,10 +217,10 @@ def _updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 @persistent
 def _scene_replaced(*_: Any) -> None:
     """Compare every diagnosis and every result after undo, redo, or the opening of a file."""
-    global _metre
     for of_names in (unverified, _changed, _hashes):
         of_names.clear()
-    _metre = metres_per_unit(bpy.context.scene)
+    _metres.clear()
+    _metres.update((scene.name, metres_per_unit(scene)) for scene in bpy.data.scenes)
     for name in _facets.keys() - bpy.data.objects.keys():
         del _facets[name]
     for link in bpy.data.objects:
@@ -240,5 +241,5 @@ def register() -> None:
 def unregister() -> None:
     """Stop listening."""
     events.ignore(HANDLERS, (verify,))
-    for of_names in (unverified, _changed, _hashes, _facets):
+    for of_names in (unverified, _changed, _hashes, _facets, _metres):
         of_names.clear()

@@ -192,7 +192,8 @@ def _check_possibly_changed() -> None:
             continue
         before = _fitted_facets[name]
         try:
-            facets = link_meshes.read_facets(link, bpy.context, before)
+            with link_objects.in_scene(link):
+                facets = link_meshes.read_facets(link, bpy.context, before)
         except SkinCalibError:
             link.skin_calib.result.outdated = True
             continue
@@ -238,7 +239,8 @@ def _start(link: bpy.types.Object, make: Callable[..., Any], use: Callable[..., 
     """Read the scene, and start the task of ``make`` in a thread."""
     global _job, _last_final
     try:
-        task = make(link)
+        with link_objects.in_scene(link):
+            task = make(link)
     except SkinCalibError as error:
         refuse(link, refusal_of(error))
         return
@@ -253,7 +255,8 @@ def _use_result(job: Job) -> None:
     if link is None or job.name not in _changed:
         return
     try:
-        job.use(link, job.work.result())
+        with link_objects.in_scene(link):
+            job.use(link, job.work.result())
     except SkinCalibError as error:
         refuse(link, refusal_of(error))
 
@@ -295,8 +298,9 @@ def _refuse_again(link: bpy.types.Object) -> None:
 def _input_of(link: bpy.types.Object, before: Facets | None) -> Input:
     """Return plan and mesh of a link, for comparison with those of another time, whose facets are ``before``."""
     try:
-        text = _text_of(plans.read_plan(link, bpy.context.scene))
-        return text, link_meshes.read_facets(link, bpy.context, before)
+        with link_objects.in_scene(link):
+            text = _text_of(plans.read_plan(link, bpy.context.scene))
+            return text, link_meshes.read_facets(link, bpy.context, before)
     except SkinCalibError as error:
         return str(error), None
 
@@ -329,7 +333,8 @@ def _was_accompanied(link: bpy.types.Object) -> bool:
     if not link.skin_calib.link or not link.skin_calib.result.outdated or not _accompanied:
         return False
     try:
-        return (link.name, _text_of(plans.read_plan(link, bpy.context.scene))) in _accompanied
+        with link_objects.in_scene(link):
+            return (link.name, _text_of(plans.read_plan(link, bpy.context.scene))) in _accompanied
     except SkinCalibError:
         return False
 

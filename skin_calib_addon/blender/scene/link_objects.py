@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The mesh objects of links: find, add, activate and measure them, and say why one cannot be edited."""
 
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
 import bpy
 import numpy as np
 
@@ -26,6 +29,29 @@ def namesakes(link: bpy.types.Object, scene: bpy.types.Scene) -> list[str]:
     """
     name = link.skin_calib.link
     return [o.name for o in scene.objects if name and o != link and o.type == "MESH" and o.skin_calib.link == name]
+
+
+def of_uid(uid: int) -> bpy.types.Object | None:
+    """Return the object with a `session_uid`, which a new name does not change; None once it is removed."""
+    return next((thing for thing in bpy.data.objects if thing.session_uid == uid), None)
+
+
+def in_scene(link: bpy.types.Object) -> AbstractContextManager[Any]:
+    """Make the scene of an object the one of the context, with the view layer of a window that shows it.
+
+    A timer has the scene of any window. In another one, the object has no modifiers and can have another unit.
+
+    Parameters
+    ----------
+    link : Object
+        The object; in the scene of the context already, or in none, it changes nothing.
+    """
+    context, scenes = bpy.context, link.users_scene
+    if not scenes or context.scene in scenes:
+        return nullcontext()
+    views = {window.scene: window.view_layer for window in context.window_manager.windows}
+    scene = next((scene for scene in scenes if scene in views), scenes[0])
+    return context.temp_override(scene=scene, view_layer=views.get(scene, scene.view_layers[0]))
 
 
 def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: str) -> bpy.types.Object:
