@@ -11,7 +11,7 @@ from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.overlay.layers import maximum_of
 from ..skin_calib_addon.blender.properties.inspect import maximum_token
-from ..skin_calib_addon.blender.scene import link_meshes, plans, results, skins
+from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans, results, skins
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import refusal_of
 from ..skin_calib_addon.common.errors import SkinCalibError
@@ -55,7 +55,6 @@ class SKIN_OT_fit(Working, OnLink, bpy.types.Operator):
     doing = "Fitting"
 
     def task(self, context):
-        self.subject = context.object.name
         self.given, task = fit_of(context, context.object)
         return task
 
@@ -70,7 +69,7 @@ class SKIN_OT_fit(Working, OnLink, bpy.types.Operator):
 
     def refuse(self, error):
         """Report why there is no fit. The reason stays in the panel, which a pop-up would hide."""
-        link = bpy.data.objects.get(self.subject)
+        link = link_objects.of_uid(self.uid)
         if link is not None:
             updates.refuse(link, refusal_of(error))
         if not self.options.is_invoke:

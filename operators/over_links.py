@@ -3,12 +3,10 @@
 
 from time import perf_counter
 
-import bpy
-
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.live.background import Work
 from ..skin_calib_addon.blender.overlay import drawing
-from ..skin_calib_addon.blender.scene import skins
+from ..skin_calib_addon.blender.scene import link_objects, skins
 from ..skin_calib_addon.common.errors import SkinCalibError, counted
 from .working import Waiting, WhileIdle
 
@@ -74,20 +72,19 @@ class OverLinks(Waiting, WhileIdle):
 
     def choose(self, context):
         """Choose the links."""
-        self.left = [link.name for link in self.chosen(context)]
+        self.left = [(link.name, link.session_uid) for link in self.chosen(context)]
         self.total, self.done, self.refusals = len(self.left), 0, []
 
     def start_next(self, context):
-        """Start the computation for the next link that still exists; return whether there is one."""
+        """Start the computation for the next link; return whether there is one."""
         while self.left:
-            self.subject = self.left.pop(0)
-            link = bpy.data.objects.get(self.subject)
-            if link is None:
-                continue
+            self.subject, self.uid = self.left.pop(0)
             try:
+                link = self.found()
+                self.subject = link.name
                 self.work = Work(self.task(context, link))
             except SkinCalibError as error:
-                self.note(link, error)
+                self.note(error)
                 continue
             drawing.redraw()  # the list marks the link
             return True
@@ -95,22 +92,21 @@ class OverLinks(Waiting, WhileIdle):
 
     def finish_link(self, context):
         """Store the result of the computation, or why there is none."""
-        link = bpy.data.objects.get(self.subject)
-        if link is None:
-            return
         try:
-            self.store(context, link, self.work.result())
+            self.store_result(context)
             self.done += 1
         except SkinCalibError as error:
-            self.note(link, error)
+            self.note(error)
         drawing.redraw()
 
-    def note(self, link, error):
+    def note(self, error):
         """Keep and report why a link has no result."""
         self.refusals.append(error)
-        self.keep_reason(link, error)
+        link = link_objects.of_uid(self.uid)
+        if link is not None:
+            self.keep_reason(link, error)
         if self.total > 1:
-            self.report({"WARNING"}, f"{link.name}: {skins.in_window(error)}")
+            self.report({"WARNING"}, f"{link.name}: {skins.in_window(error)}" if link else str(error))
 
     def conclude(self):
         """Report how many links have a result; a single link that is refused is an error."""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A whole robot: import its links, propose plans for them, fit them, and export all."""
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -93,6 +94,13 @@ def propose_and_fit(task, channel, mesh, begin):
     return propose_task(task, begin, use), plan, fit
 
 
+def readable_plan(link, scene):
+    """Return the plan of a link, without its name; None if it is invalid."""
+    with suppress(SkinCalibError):
+        return replace(plans.read_plan(link, scene), link="")
+    return None
+
+
 class Propose(OverLinks):
     """Proposes surfaces and skins, as ``skin-calib propose`` does, stores them as the plan of the link, and fits it."""
 
@@ -110,7 +118,7 @@ class Propose(OverLinks):
         file = robots.urdf_of(link) or Path(f"{link.name}.ply")  # read only if it is a robot
         task = Task(file, "m", settings.link, self.choice, facets.mesh())
         mesh, channel = Path(settings.mesh_file or f"{link.name}.ply"), robots.next_channel(link, context.scene)
-        self.facets = facets
+        self.facets, self.replaced = facets, readable_plan(link, context.scene)
         return lambda begin: propose_and_fit(task, channel, mesh, begin)
 
     def store(self, context, link, result):
@@ -120,6 +128,8 @@ class Propose(OverLinks):
             raise SkinCalibError(outcome.problem)
         if proposal.plan is None:
             raise InvalidPlan(proposal.reasons[-1])
+        if readable_plan(link, context.scene) != self.replaced:
+            self.report({"WARNING"}, f"{link.name}: the plan was changed during the proposal, which replaces it")
         plan = numbered(given, robots.next_channel(link, context.scene))  # others can have got skins in the meantime
         plan = replace(plan, link=settings.link)  # it can have got another name
         plans.check_numbers(plan, metres_per_unit(context.scene))
@@ -161,6 +171,20 @@ class SKIN_OT_propose_all(Propose, OnLinks, bpy.types.Operator):
         if not links:
             raise InvalidPlan("All links have a plan. Use Propose to replace that of the active link.")
         return links
+
+    def task(self, context, link):
+        check_empty(link)
+        return super().task(context, link)
+
+    def store(self, context, link, result):
+        check_empty(link)
+        super().store(context, link, result)
+
+
+def check_empty(link):
+    """Raise InvalidPlan if a link that had no plan has got one while the proposals were computed."""
+    if link.skin_calib.skins:
+        raise InvalidPlan("It has got a skin in the meantime, and keeps its plan.")
 
 
 class SKIN_OT_fit_all(OverLinks, OnLinks, bpy.types.Operator):

@@ -3,11 +3,9 @@
 
 from time import perf_counter
 
-import bpy
-
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.live.background import Work
-from ..skin_calib_addon.blender.scene import skins
+from ..skin_calib_addon.blender.scene import link_objects, skins
 from ..skin_calib_addon.common.errors import SkinCalibError
 
 # [s] A computation that takes longer continues in a thread.
@@ -26,7 +24,24 @@ class WhileIdle:
 
 
 class Waiting:
-    """Waits for a computation in a thread; Esc stops it. ``work``, ``subject`` and ``doing`` are set before."""
+    """Waits for a computation in a thread; Esc stops it. Before, ``work`` and ``doing`` are set, and the object."""
+
+    def work_on(self, link):
+        """Set the object, whose result is stored also if it gets another name."""
+        self.subject, self.uid = link.name, link.session_uid
+
+    def found(self):
+        """Return the object, or raise because it was removed."""
+        link = link_objects.of_uid(self.uid)
+        if link is None:
+            raise SkinCalibError(f"{self.subject} was removed in the meantime.")
+        return link
+
+    def store_result(self, context):
+        """Store the result of the computation, or raise why there is none."""
+        link = self.found()
+        with link_objects.in_scene(link):  # the window can show another one now
+            self.store(context, link, self.work.result())
 
     def wait(self, context):
         """Wait, while Blender handles other events."""
@@ -78,6 +93,7 @@ class Working(Waiting, WhileIdle):
         raise NotImplementedError
 
     def execute(self, context):
+        self.work_on(context.object)
         try:
             task = self.task(context)
             self.store(context, context.object, task(lambda stage: None))
@@ -86,19 +102,17 @@ class Working(Waiting, WhileIdle):
         return {"FINISHED"}
 
     def invoke(self, context, event):
+        self.work_on(context.object)
         try:
-            self.work, self.subject = Work(self.task(context)), context.object.name
+            self.work = Work(self.task(context))
         except SkinCalibError as error:
             return self.refuse(error)
         return self.take(context) if self.work.is_done(MAX_BLOCKING_TIME) else self.wait(context)
 
     def take(self, context):
         """Store the result, if its object still exists."""
-        link = bpy.data.objects.get(self.subject)
         try:
-            if link is None:
-                raise SkinCalibError(f"{self.subject} was removed or renamed in the meantime. Start again.")
-            self.store(context, link, self.work.result())
+            self.store_result(context)
         except SkinCalibError as error:
             return self.refuse(error)
         return {"FINISHED"}

@@ -343,6 +343,76 @@ def test_link_that_is_renamed_during_a_proposal_keeps_its_name(bpy, link, extens
     assert settings.link == "renamed" and settings.proposed and settings.result.key and settings.result.outdated
 
 
+@pytest.fixture
+def meanwhile(extension, monkeypatch):
+    """Return a function that has something done while the first computation of an operator runs."""
+
+    def do(act):
+        work = modules(extension, "live.background").background.Work
+        left, is_done = [act], work.is_done
+
+        def after(self, wait=0.0):
+            if left:
+                left.pop()()
+            return is_done(self, wait)
+
+        monkeypatch.setattr(work, "is_done", after)
+
+    return do
+
+
+def test_work_follows_renamed_links_and_names_removed_ones(bpy, plan_file, meanwhile, capfd):
+    """The link that is worked on, and those that wait, also if another object gets the name."""
+    for name in ("a", "b", "c"):
+        bpy.ops.skin_calib.import_plan(filepath=str(plan_file(name)))
+    a, b, c = (bpy.data.objects[name] for name in ("a", "b", "c"))
+
+    def swap():
+        a.name, b.name = "x", "a"
+        bpy.data.objects.remove(c)
+
+    meanwhile(swap)
+    assert bpy.ops.skin_calib.fit_all() == {"FINISHED"}
+    assert (a.name, b.name) == ("x", "a") and a.skin_calib.result.key and b.skin_calib.result.key
+    out = capfd.readouterr().out
+    assert "Warning: c was removed in the meantime" in out and "Fitted 2 links; refused: 1" in out
+
+
+def test_work_on_a_single_link_that_is_removed_is_refused(bpy, link, meanwhile):
+    """It was a success for 0 links."""
+    meanwhile(lambda: bpy.data.objects.remove(link))
+    with pytest.raises(RuntimeError, match="Error: arm was removed in the meantime"):
+        bpy.ops.skin_calib.fit_all()
+
+
+def test_propose_all_keeps_skins_that_are_added_while_it_works(bpy, plan_file, meanwhile, capfd):
+    """The link that is worked on, and one that waits, can get a skin."""
+    for name in ("a", "b"):
+        bpy.ops.skin_calib.import_plan(filepath=str(plan_file(name, skins=[])))
+    links = bpy.data.objects["a"], bpy.data.objects["b"]
+    bpy.context.scene.skin_calib.skin = SKIN
+
+    def add():
+        for link in links:
+            link.skin_calib.skins.add().name = "mine"
+
+    meanwhile(add)
+    assert bpy.ops.skin_calib.propose_all() == {"FINISHED"}
+    assert [[skin.name for skin in link.skin_calib.skins] for link in links] == [["mine"], ["mine"]]
+    out = capfd.readouterr().out
+    for name in "ab":
+        assert f"Warning: {name}: It has got a skin in the meantime, and keeps its plan." in out
+    assert "Proposed plans for 0 links; refused: 2" in out
+
+
+def test_propose_warns_of_changes_that_it_replaces(bpy, link, meanwhile, capfd):
+    """It replaces the plan of the active link; what was changed while it worked can be wanted."""
+    bpy.context.scene.skin_calib.skin = SKIN
+    meanwhile(lambda: setattr(link.skin_calib.skins[0], "rows", 7))
+    assert bpy.ops.skin_calib.propose() == {"FINISHED"} and link.skin_calib.proposed
+    assert "Warning: arm: the plan was changed during the proposal, which replaces it" in capfd.readouterr().out
+
+
 def test_refused_proposals_and_exports_state_the_reason(bpy, robot, tmp_path):
     """An unknown skin, a link without skin, nothing to fit, and an export before the fit."""
     scene, link = bpy.context.scene, bpy.context.object
