@@ -113,9 +113,13 @@ def _is_source(path):
 def fit_to_write(context):
     """Fit the active link as it is now, and return its calibration and what is to be reported about it."""
     link = context.object
-    plan = plans.read_plan(link, context.scene)
-    _, result = results.fit(plan, link_meshes.read_mesh(link, context))
+    plan, mesh = plans.read_plan(link, context.scene), link_meshes.read_mesh(link, context)
+    was_current = results.is_current(link)
+    results.verify(link, context.scene, mesh.sha256)
+    _, result = results.fit(plan, mesh)
     warnings = [str(warning) for warning in result.warnings]
+    if was_current and not results.is_current(link):
+        warnings.append("The link or a taxel file has changed since the fit. This file is up to date; fit again.")
     if not any(patch.taxels.ids for patch in result.calibration.patches):
         warnings.append("The file has no taxels. Add a skin to the link, then export again.")
     others = link_objects.namesakes(link, context.scene)

@@ -9,6 +9,7 @@ import pytest
 
 from tests.blender.conftest import BAND, look, modules, oval
 from tests.blender.test_refusals import scene_state
+from tests.blender.test_registration import draw
 from tests.examples import slow
 
 TURN, SHIFT = [[0, -1, 0], [0.6, 0, -0.8], [0.8, 0, 0.6]], [0.25, -0.125, 0.5]
@@ -229,3 +230,33 @@ def test_linked_library_finds_its_file(bpy, worn, fit_scene, tmp_path):
     bpy.context.scene.collection.objects.link(wanted.objects[0])
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "user.blend"))
     assert fit_scene() == own
+
+
+@pytest.mark.parametrize("name", ["export_calibration", "export_taxels"])
+def test_export_of_a_changed_taxel_file_warns_and_outdates_the_fit(bpy, worn, tmp_path, capfd, name):
+    """The file has the taxels of now, and the status must not keep the tick and the number of the fit."""
+    bpy.ops.skin_calib.fit()
+    export, out = getattr(bpy.ops.skin_calib, name), tmp_path / "out.csv"
+    assert export(filepath=str(out)) == {"FINISHED"}
+    warning = "Warning: The link or a taxel file has changed since the fit."
+    assert warning not in capfd.readouterr().out and not worn.skin_calib.result.outdated
+    taxels = tmp_path / "taxels.csv"
+    taxels.write_text("".join(taxels.read_text().splitlines(keepends=True)[:20]))
+    assert export(filepath=str(out)) == {"FINISHED"}
+    assert warning in capfd.readouterr().out and worn.skin_calib.result.outdated
+    bpy.ops.skin_calib.fit()
+    taxels.unlink()
+    with pytest.raises(RuntimeError):
+        export(filepath=str(out))
+    assert worn.skin_calib.result.outdated
+
+
+def test_refused_link_has_no_tick_under_another_name(bpy, worn, tmp_path):
+    """The reason belongs to the name of the object; the fit is outdated."""
+    bpy.ops.skin_calib.fit()
+    (tmp_path / "taxels.csv").unlink()
+    with pytest.raises(RuntimeError):
+        bpy.ops.skin_calib.fit()
+    assert draw(bpy, "status")[0] == "The fit is refused"
+    worn.name = "renamed"
+    assert draw(bpy, "status")[0] == "The plan has changed: fit again"

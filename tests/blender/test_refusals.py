@@ -237,6 +237,7 @@ def test_bad_link_is_refused_by_every_interface(bpy, addon, link, tmp_path, caps
     out.write_bytes(b"as it was")
     change(bpy, link)
     bpy.context.view_layer.update()
+    link.skin_calib.result.outdated = True  # as the timer finds, or the refusal
     scene, files = scene_state(bpy, addon), folder_state(tmp_path)
     with pytest.raises(RuntimeError, match=f"Error: .*{BAD_LINKS[change]}") as caught:
         bpy.ops.skin_calib.fit()

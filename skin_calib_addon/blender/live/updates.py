@@ -262,7 +262,7 @@ def _use_result(job: Job) -> None:
 
 
 def refuse(link: bpy.types.Object, refusal: Warning) -> None:
-    """Report why a plan cannot be computed. The reason and the last result stay while plan and mesh are the same.
+    """Report why a plan cannot be computed. The reason stays while plan and mesh are the same; the result is outdated.
 
     Parameters
     ----------
@@ -271,6 +271,8 @@ def refuse(link: bpy.types.Object, refusal: Warning) -> None:
     refusal : Warning
         The error.
     """
+    if results.is_current(link):
+        link.skin_calib.result.outdated = True  # with a new name of the object, the reason is lost, and the tick shown
     reports[link.name] = PreviewReport(refusal=refusal)
     _refused[link.name] = _input_of(link, _fitted_facets.get(link.name)), reports[link.name]
     _changed.pop(link.name, None)
