@@ -31,7 +31,6 @@ class AllTaxels:
     areas: Array  # (n,) [m^2]
     neighbours: tuple[tuple[str, ...], ...]
     strain: Array  # (n, 3) along the row, across the rows, shear [rad]; NaN where a patch has none
-    stored_tilt: Array  # (n,) of the patch [rad]; NaN where it has none
     sigma: (
         Array  # (n, 3) standard uncertainty: along the surface [m], along the normal [m], of the normal [rad], or NaN
     )
@@ -60,7 +59,6 @@ class AllTaxels:
             areas=joined("areas"),
             neighbours=sum((t.neighbours for t in taxels), ()),
             strain=quality("strain", 3),
-            stored_tilt=quality("tilt"),
             sigma=np.concatenate([np.empty((0, 3)), *(t.known_sigma for t in taxels)]),
         )
 
@@ -79,7 +77,7 @@ class AllTaxels:
         angle = 2 * np.arcsin(np.clip(gap / 2, 0, 1))
         found = np.full(len(self.ids), -1.0)
         np.maximum.at(found, a, angle)
-        return np.where(np.isnan(self.stored_tilt), np.where(found < 0, np.nan, found), self.stored_tilt)
+        return np.where(found < 0, np.nan, found)
 
     @property
     def stretch(self) -> Array:

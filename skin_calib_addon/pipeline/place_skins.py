@@ -17,7 +17,7 @@ from ..geometry.mesh.closest import distance_to
 from ..plan import Plan
 from ..plan.plan import SURFACE
 from ..plan.skins import BoardSkin, ImportedSkin, SheetSkin, Skin, first_channels
-from ..skin.boards.board_taxels import board_taxels
+from ..skin.boards.board_taxels import board_taxels, with_tilts
 from ..skin.boards.ground import MAX_ANGLE, MAX_DISTANCE
 from ..skin.boards.layout import lay_boards
 from ..skin.imported import ImportedTaxels, imported_taxels
@@ -114,6 +114,7 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = 
             for done, patch, skin in zip(placed, patches, skins)
         )
     enabled, disabled = with_single_taxels(patches, [skin.taxels for skin in skins])
+    enabled = with_tilts(enabled)  # their neighbours are final now
     return tuple(replace(done, patch=on, disabled=off) for done, on, off in zip(placed, enabled, disabled))
 
 

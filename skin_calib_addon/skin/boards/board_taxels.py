@@ -1,8 +1,10 @@
 """Taxels of placed boards, and the fit of each board: tilt, gaps under it, collisions."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from ...calibration.model import TaxelArray
+from ...calibration.model import Patch, TaxelArray
 from ...common.arrays import Array, IntArray, cross, unit
 from ..lattice import HexLattice
 from ..neighbours import neighbours
@@ -73,6 +75,32 @@ def _ports(ids: tuple[str, ...], positions: Array, sides: Array, pairs: IntArray
     for (board, other), side in zip(pairs.tolist(), ahead.argmax(axis=1).tolist()):
         ports[board][side] = ids[other]
     return tuple(map(tuple, ports))
+
+
+def with_tilts(patches: tuple[Patch, ...]) -> tuple[Patch, ...]:
+    """Return the same patches; the tilts of boards are those to their neighbours, of all patches.
+
+    Parameters
+    ----------
+    patches : tuple of Patch
+        All skins of a link, with the final neighbours.
+    """
+    if not any("tilt" in patch.taxels.quality for patch in patches):
+        return patches
+    row = {taxel: i for i, taxel in enumerate(taxel for patch in patches for taxel in patch.taxels.ids)}
+    adjacent = (others for patch in patches for others in patch.taxels.neighbours)
+    pairs = np.array([(i, row[other]) for i, others in enumerate(adjacent) for other in others], int).reshape(-1, 2)
+    normals = np.concatenate([patch.taxels.normals_link for patch in patches])
+    tilts = np.split(
+        _largest_per_board(angles(normals, pairs), pairs, len(normals)),
+        np.cumsum([len(patch.taxels.ids) for patch in patches])[:-1],
+    )
+    return tuple(
+        replace(patch, taxels=replace(patch.taxels, quality=patch.taxels.quality | {"tilt": tilt}))
+        if "tilt" in patch.taxels.quality
+        else patch
+        for patch, tilt in zip(patches, tilts)
+    )
 
 
 def _distances(positions: Array, pairs: IntArray) -> Array:

@@ -22,7 +22,7 @@ def test_patches_are_in_common_arrays(taxels):
     assert taxels.ids[14:] == ("s2.4", "h0", "h1") and taxels.corners.shape == (17, 6, 3)
     assert (taxels.corners[0, 3:] == taxels.corners[0, 3]).all()
     assert np.isnan(taxels.strain[15:]).all() and not np.isnan(taxels.strain[:15]).any()
-    assert taxels.stored_tilt[16] == 0.02 and taxels.tilt[16] == 0.02
+    assert taxels.tilt[16] == 0  # boards on a plane
 
 
 def test_stretch_is_the_larger_strain_with_its_sign(taxels):
@@ -76,7 +76,7 @@ def test_cell_above_another_hides_it():
     """The order of the patches does not matter."""
     low = AllTaxels.of((boards(),))
     high = replace(low, positions=low.positions + [0, 0, 0.01], corners=low.corners + [0, 0, 0.01])
-    names = ("positions", "normals", "corners", "channels", "index", "areas", "strain", "stored_tilt")
+    names = ("positions", "normals", "corners", "channels", "index", "areas", "strain")
     for order, top in (((low, high), 2), ((high, low), 0)):
         both = replace(
             low,

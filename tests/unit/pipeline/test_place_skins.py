@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.calibration.file import load_calibration, save_calibration
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry import CoverSpec, TubeGrid
+from skin_calib_addon.inspection.all_taxels import AllTaxels
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.pipeline.report import report_document, summary
 from skin_calib_addon.plan import Plan
@@ -140,3 +141,25 @@ def test_normals_that_are_oblique_to_the_faces_below_are_named(tmp_path):
         assert f"{len(height)} of 30 normals of band are more than 15 degrees" in found.message
     (found,) = (w for w in calibrate(plan, ridge).warnings if w.code == "oblique")
     assert found.where.taxels
+
+
+def test_tilts_of_boards_are_to_their_neighbours_of_all_skins(tmp_path):
+    """The file, the heat map and the neighbours agree: with a sheet next to the boards, and a disabled board."""
+    sheet = SHEET | {"columns": 4, "origin": [RADIUS, 0, 0.1], "overlap": False}
+    angle = 0.55
+    origin = [RADIUS * np.cos(angle), RADIUS * np.sin(angle), 0.1]
+    row = {"cells": [[0, 0], [1, 0], [2, 0]], "origin": origin, "direction": [-np.sin(angle), np.cos(angle), 0]}
+    boards = BOARDS | row
+    alone = made([boards], tmp_path).calibration.patches[0].taxels
+    for off in ([], [{"taxel": "2.0", "enabled": False}]):
+        patches = made([sheet, boards | {"taxels": off}], tmp_path).calibration.patches
+        normals = dict(zip(*(sum((list(getattr(p.taxels, k)) for p in patches), []) for k in ("ids", "normals_link"))))
+        taxels = patches[1].taxels
+        assert any(other.startswith("band") for other in taxels.neighbours[0])
+        largest = [
+            max(2 * np.arcsin(np.linalg.norm(normals[id] - normals[other]) / 2) for other in others)
+            for id, others in zip(taxels.ids, taxels.neighbours)
+        ]
+        assert_allclose(taxels.quality["tilt"], largest, rtol=1e-12)
+        assert_allclose(AllTaxels.of(patches).tilt[-len(largest) :], largest, rtol=1e-12)
+    assert largest[0] > alone.quality["tilt"][0]
