@@ -106,7 +106,7 @@ class HexLattice:
         if self.side <= 0 or self.pitch <= 0:
             raise InvalidPlan(
                 f"hexagons with sides of {self.side * 1e3:g} mm and gaps of {self.gap * 1e3:g} mm have no area or no "
-                "pitch; lengths are in metres"
+                "pitch. Increase the side or the gap"
             )
 
     @property

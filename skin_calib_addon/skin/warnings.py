@@ -162,8 +162,8 @@ def check_overlap(patch: Patch, closure: Closure | None) -> None:
         count = int(np.ceil(closure.overlap / cell - MAX_OVERLAP_FRACTION))
         what = "columns" if closure.of == "rows" else "rows"
         raise InvalidPlan(
-            f"skin {patch.name!r} {overlap_words(closure)}. Use {count} fewer {what}, a smaller pitch, or allow it "
-            'with "overlap"',
+            f"skin {patch.name!r} {overlap_words(closure)}. Use {count} fewer {what}, a smaller pitch, or allow "
+            "the overlap",
             overlap=closure.overlap,
             code="overlap",
             place=Place(names=closure.worst_line, skin=patch.name),

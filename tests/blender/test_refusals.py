@@ -110,6 +110,14 @@ def far_cell(bpy, link):
     boards_of(link, choice="listed", cells="0,0 0,40")
 
 
+def wide_cells(bpy, link):
+    link.skin_calib.skins[0].pitch = (0.5, 0.5)
+
+
+def overlapping(bpy, link):
+    link.skin_calib.skins[0].columns = 26
+
+
 def wide_boards(bpy, link):
     boards_of(link, side=0.3)
 
@@ -204,6 +212,8 @@ BAD_LINKS = {
     same_cells: "Skin 'band' lists a cell twice",
     far_cell: r"board \[0, 40\] lies 983.1 mm beyond the edge u = 1 of the surface",
     wide_boards: "no board with sides of 300 mm fits completely in the region",
+    wide_cells: "a cell of 500 x 500 mm is larger than the whole surface, .* mm. Use smaller cells",
+    overlapping: "skin 'band' overlaps itself by up to .* a smaller pitch, or allow the overlap",
     no_side: "arm: Skin 'band', Side: must be at least 0.1 mm, not 0 mm",
     no_radius: "arm: Skin 'band', Excluded Zone 0, Radius: must be more than 0 mm, not 0 mm",
     no_direction: "The direction of skin 'band' is zero",
@@ -225,7 +235,8 @@ BAD_LINKS = {
 
 # Keys, pointers and patterns of plan files, which the window does not have.
 OF_FILES = re.compile(
-    r"""/(grid|skins|cover|degree)\b|"(n|m|lines|from|to|normal|axis|origin|frame|rotation|first_channel)"|\^\["""
+    r"""/(grid|skins|cover|degree)\b|"(n|m|lines|from|to|normal|axis|origin|direction|frame|rotation)"|"""
+    r'''"(first_channel|overlap)"|lengths are in metres|\^\["'''
 )
 
 

@@ -110,7 +110,7 @@ def seen_faces(mesh: TriangleMesh) -> TriangleMesh:
     mesh = single_faces(mesh)
     seen = visibility(mesh).seen
     if not seen.any():
-        raise InvalidPlan('No face of the mesh can be seen from outside. Set "shell": "outer".')
+        raise InvalidPlan("No face of the mesh can be seen from outside. Use the outer shell.")
     return mesh if seen.all() else weld(mesh.vertices, mesh.faces[seen])
 
 

@@ -235,7 +235,7 @@ class Layout:
         if np.pi / 4 * (length**2 + breadth**2) > MAX_CELLS * lattice.row_step * pitch:
             raise InvalidPlan(
                 f"the surface, {length:.2f} x {breadth:.2f} m, extends too far for boards with a pitch of "
-                f"{pitch * 1e3:g} mm; lengths are in metres. Use larger boards."
+                f"{pitch * 1e3:g} mm. Use larger boards, or check the unit of the mesh."
             )
         to_flat = flat_map(layer, start, direction, fit, MAP_SPACING * pitch, OVER_CUT * pitch)
         ground = Ground(surface, fit, tuple(excluded), lattice.side)

@@ -319,7 +319,7 @@ def check_size(surface: BSplineSurface, pitch: tuple[float, float]) -> None:
     if max(pitch) > size_of(surface):
         raise InvalidPlan(
             f"a cell of {pitch[0] * 1e3:g} x {pitch[1] * 1e3:g} mm is larger than the whole surface, "
-            f"{size_of(surface) * 1e3:.1f} mm; lengths are in metres"
+            f"{size_of(surface) * 1e3:.1f} mm. Use smaller cells, or check the unit of the mesh"
         )
 
 

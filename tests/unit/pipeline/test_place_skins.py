@@ -106,7 +106,7 @@ def test_an_overlap_of_more_than_a_tenth_of_a_cell_is_an_error(tmp_path):
         if error:
             off = 1e3 * (columns * pitch - 2 * np.pi * RADIUS)
             message = rf"skin 'band' overlaps itself by up to ({off:.1f}|{off + 0.1:.1f}) mm where its rows close "
-            message += rf"\(row \d\)\. Use {error} fewer columns, a smaller pitch, or allow it with \"overlap\""
+            message += rf"\(row \d\)\. Use {error} fewer columns, a smaller pitch, or allow the overlap"
             with pytest.raises(InvalidPlan, match=message):
                 made([sheet], tmp_path)
         else:

@@ -74,7 +74,7 @@ def test_all_sides_of_a_box_are_covered():
 @pytest.mark.parametrize(
     ("skin", "words"),
     [
-        ("hexagons:0.1mm", "lengths are in metres. Use larger boards."),
+        ("hexagons:0.1mm", "Use larger boards, or check the unit of the mesh."),
         ("hexagons:200mm", "use smaller boards"),
         ("sheet:2x2x200mm", "The surface is smaller than a cell."),
     ],

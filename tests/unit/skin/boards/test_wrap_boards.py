@@ -194,5 +194,5 @@ def test_board_off_the_surface_is_named():
 @pytest.mark.parametrize(("side", "gap"), [(0.0, 0.001), (-0.01, 0.1), (0.01, -0.02)])
 def test_hexagons_without_area_or_pitch_are_refused(side, gap):
     """A side of zero, or sides longer than the pitch, are refused."""
-    with pytest.raises(InvalidPlan, match=r"hexagons with sides of .* have no area or no pitch; lengths are in metres"):
+    with pytest.raises(InvalidPlan, match=r"hexagons with sides of .* have no area or no pitch. Increase the side"):
         HexLattice(side, gap)
