@@ -9,7 +9,7 @@ import numpy as np
 from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidMesh, InvalidPlan
 from ..components import components
-from .defects import coherent
+from .defects import MAX_DOUBLED_FRACTION, coherent
 from .shells import is_outer, merged, single
 from .triangle_mesh import TriangleMesh, weld
 from .visibility import visibility
@@ -91,9 +91,12 @@ def single_faces(mesh: TriangleMesh) -> TriangleMesh:
     number = single(mesh)[1]
     if number.max() + 1 == len(number):
         return mesh
-    order = np.lexsort((-visibility(mesh).sides, number))
+    doubled = np.bincount(number)[number] > 1
+    # What can be seen takes long; if doubled faces are few, the others of their part say which side is outside.
+    are_few = mesh.face_areas[doubled].sum() < MAX_DOUBLED_FRACTION * mesh.face_areas.sum()
+    sides = np.ones(len(number)) if are_few else visibility(mesh).sides
+    order = np.lexsort((-sides, number))
     _, first = np.unique(number[order], return_index=True)
-    # Near edges of open parts both sides are seen: there the rest of the part decides.
     kept = coherent(weld(mesh.vertices, mesh.faces[order[first]]))
     return weld(kept.vertices, kept.faces)
 

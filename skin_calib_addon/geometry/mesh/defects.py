@@ -20,7 +20,8 @@ from .triangle_mesh import TriangleMesh, weld
 FLAT_FACE_RATIO = 1e-7
 # [cosine] A part whose faces point inward by more than this on average is inside out. Larger: fewer parts are reported.
 INWARD_COSINE = 0.2
-# [fraction of the area] Faces back to back give a warning above this fraction. Larger: fewer warnings.
+# [fraction of the area] Faces back to back give a warning above this fraction, and what can be seen says which of them
+# is outside. Larger: fewer warnings, less time; small parts that are doubled can be wound inward.
 MAX_DOUBLED_FRACTION = 0.01
 
 
