@@ -203,7 +203,7 @@ def test_close_and_undo(bpy, ours, shown):
     assert pressed(ours, link) == [0] and link.skin_calib.inspect.replay.file
 
 
-def test_example_recording_plays_on_the_sample(bpy, ours):
+def test_example_recording_plays_on_the_sample(bpy, ours, tmp_path):
     """The contact of each frame is at the true position of the example's finger."""
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "sample_scenes" / "wrist.blend"))
     bpy.ops.skin_calib.fit()
@@ -214,4 +214,9 @@ def test_example_recording_plays_on_the_sample(bpy, ours):
         link.skin_calib.inspect.replay.frame = k
         place = drawn(ours, link)["COP"].points[4]
         assert np.linalg.norm(place - [truth[f"true_{axis}"][k] for axis in "xyz"]) < 2e-3
-    assert "120 of 124 numbers used" in ours.replay.messages[link.skin_calib.inspect.replay.token]
+    said = ours.replay.messages
+    assert not any("numbers used" in text for text in said[link.skin_calib.inspect.replay.token])
+    plain = tmp_path / "plain.csv"  # its names do not say which columns are channels
+    plain.write_text(path.read_text("utf-8").replace("channel_", "c"), "utf-8")
+    bpy.ops.skin_calib.replay_open(filepath=str(plain))
+    assert "120 of 124 numbers used" in said[link.skin_calib.inspect.replay.token]

@@ -78,7 +78,8 @@ def test_surface_of_boards_has_up_to_50000_cells():
             assert len(lay_boards(surface, lattice, "all", None, (1, 0, 0))[0].cells) > 50
         else:
             with pytest.raises(
-                InvalidPlan, match=r"extends too far for boards with a pitch of 20 mm; lengths are in m"
+                InvalidPlan,
+                match=r"extends too far for boards with a pitch of 20 mm. Use larger boards, or check",
             ):
                 lay_boards(surface, lattice, "all", None, (1, 0, 0))
 
