@@ -1,6 +1,6 @@
 """Land softly: the impacts of the feet with and without proximity sensing in the soles (thesis 4.4.1).
 
-    python examples/control/landing.py [--seeds 20] [--steps 3] [--speed 0.4]
+    python examples/control/landing.py [--seeds 50] [--steps 3] [--speed 0.4]
 
 The robot walks on flat ground, and over an obstacle of 3 cm under the whole sole of its third step, of which it does
 not know. An impact is the largest true force between sole and ground in the first 40 ms of the contact, sampled at
@@ -189,6 +189,7 @@ def ratio(soft: list[Impact], hard: list[Impact]) -> str:
 def main() -> None:
     """Run all cases; print a table; draw."""
     parser = arguments(__doc__)
+    parser.set_defaults(seeds=50)  # a run has one landing on the obstacle
     parser.add_argument("--steps", type=whole, default=3, help="on flat ground, in each run")
     parser.add_argument("--speed", type=positive, default=0.4, help="of landing without proximity [m/s]")
     given = parser.parse_args()
