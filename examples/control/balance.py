@@ -8,7 +8,6 @@ the soles. It gets the ZMP either from the soles or from simulated force/torque 
 in each run. The largest push that the robot survives is sought: it is doubled until the robot falls, then bisected.
 """
 
-import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -25,6 +24,7 @@ LABELS = {"skin": "ZMP by skin", "ankle": "ZMP by ankles", "none": "no feedback"
 SOURCES = ("skin", "ankle")
 TABLE_2 = Gains(dcm=1.5, zmp=0.5, com=1.0)
 DIRECTIONS = 8
+SEEDS = 3 * DIRECTIONS  # each direction counts equally
 START, PUSH, END = 0.5, 0.1, 4.0  # begin of a push, its duration, and end of a run [s]
 FIRST, RESOLUTION = 8.0, 1.0  # push with which the search begins, and interval with which it ends [N s]
 SENSITIVITY = 0.1  # standard deviation of the sensitivity of the cells
@@ -88,12 +88,6 @@ def largest_push(survives: Callable[[float], bool], first: float, resolution: fl
         middle = (low + high) / 2
         low, high = (middle, high) if survives(middle) else (low, middle)
     return low
-
-
-def around(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    """Return a parser of as many seeds as give each direction equally often."""
-    parser.set_defaults(seeds=3 * DIRECTIONS)
-    return parser
 
 
 def run(case: Case) -> Result:
@@ -161,7 +155,7 @@ def draw(results: dict, cases: dict, path) -> None:
 
 def main() -> None:
     """Run all cases; print a table; draw."""
-    given = around(arguments(__doc__)).parse_args()
+    given = arguments(__doc__, seeds=SEEDS).parse_args()
     kinds = [(ground, source) for ground in GROUND for source in SOURCES]
     cases = {kind: [Case(*kind, seed) for seed in range(given.seeds)] for kind in kinds}
     found = run_all(run, [case for kind in kinds for case in cases[kind]], given)

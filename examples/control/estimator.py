@@ -122,7 +122,7 @@ class Estimator:
             self.anchors[foot][2] = height
 
     def gravity_torques(self, forces: dict[str, tuple[Array, Array]]) -> Array:
-        """Return the torques (19,) of the joints that hold the robot at rest [N m].
+        """Return the torques (j,) of all joints that hold the robot at rest [N m].
 
         Parameters
         ----------

@@ -54,7 +54,9 @@ def folder(text: str) -> Path:
         raise argparse.ArgumentTypeError(f"cannot write to the folder {text}: {error.strerror}") from error
 
 
-def arguments(description: str, page: Path = PAGE, has_animation: bool = True) -> argparse.ArgumentParser:
+def arguments(
+    description: str, page: Path = PAGE, has_animation: bool = True, seeds: int = 20
+) -> argparse.ArgumentParser:
     """Return the options of an experiment.
 
     Parameters
@@ -65,9 +67,11 @@ def arguments(description: str, page: Path = PAGE, has_animation: bool = True) -
         Where ``--write`` puts the table.
     has_animation : bool
         Whether the experiment makes one, which can be left out.
+    seeds : int
+        Number of runs of each case, unless ``--seeds`` gives another one.
     """
     parser = argparse.ArgumentParser(description=description.splitlines()[0])
-    parser.add_argument("--seeds", type=whole, default=20, help="number of runs with different noise")
+    parser.add_argument("--seeds", type=whole, default=seeds, help="number of runs with different noise")
     parser.add_argument("--jobs", type=whole, default=os.cpu_count() or 1, help="processes")
     parser.add_argument("--out", type=folder, default=str(OUT), help="folder of figures and animations")
     if has_animation:

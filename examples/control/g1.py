@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from balance import TABLE_2, around, draw, largest_push
+from balance import DIRECTIONS, SEEDS, TABLE_2, draw, largest_push
 from biped import (
     COUNTS,
     FORCE_NOISE,
@@ -62,7 +62,6 @@ DOWN = 0.9  # cosine of the angle from straight down, up to which a cell belongs
 STIFFNESS, DAMPING = 1000.0, 20.0  # of the servos [N m/rad, N m s/rad]
 FRICTION = [0.7, 0.005, 0.0001]  # of cells and floor: MuJoCo takes the larger one [1, m, m]
 SOURCES = ("skin", "ankle", "none")
-DIRECTIONS = 8
 START, PUSH, END = 0.5, 0.1, 4.0  # begin of a push, its duration, and end of a run [s]
 FIRST, RESOLUTION = 12.0, 3.0  # push with which the search begins, and interval with which it ends [N s]
 UPRIGHT = 0.9  # cosine of the tilt of the pelvis up to which the robot stands
@@ -506,7 +505,7 @@ def run(case: Case) -> Result:
 
 def main() -> None:
     """Run all cases; print a table; draw."""
-    given = around(with_g1(arguments(__doc__, has_animation=False))).parse_args()
+    given = with_g1(arguments(__doc__, has_animation=False, seeds=SEEDS)).parse_args()
     folder = given.out / "g1"
     propose(given.urdf, folder)
     cases = [Case(given.urdf, folder, source, seed) for source in SOURCES for seed in range(given.seeds)]

@@ -188,8 +188,7 @@ def ratio(soft: list[Impact], hard: list[Impact]) -> str:
 
 def main() -> None:
     """Run all cases; print a table; draw."""
-    parser = arguments(__doc__)
-    parser.set_defaults(seeds=50)  # a run has one landing on the obstacle
+    parser = arguments(__doc__, seeds=50)  # a run has one landing on the obstacle
     parser.add_argument("--steps", type=whole, default=3, help="on flat ground, in each run")
     parser.add_argument("--speed", type=positive, default=0.4, help="of landing without proximity [m/s]")
     given = parser.parse_args()

@@ -311,7 +311,11 @@ class Controller:
 
 @dataclass(frozen=True)
 class Result:
-    """One run: rows of time, speed, near, contact felt, contact true, norm of the torques, distance, stage."""
+    """One run, by control cycle.
+
+    Rows of ``log``: time [s], speed of the tip [m/s], forces of proximity and of the felt contact, largest true contact
+    force [N], norm of the torques [N m], distance from the goal [m], largest change of a torque [N m].
+    """
 
     log: Array
     stages: tuple[Stage, ...]

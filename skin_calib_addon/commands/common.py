@@ -87,9 +87,14 @@ def count(text: str) -> int:
     return int(text)
 
 
+def names_folder(text: str) -> bool:
+    """Return whether a name ends with a slash, which means a folder."""
+    return text.endswith(("/", os.sep))
+
+
 def file_name(text: str) -> Path:
     """Parse an option that names a file to write: a name that ends with a slash is a folder."""
-    if text.endswith(("/", os.sep)):
+    if names_folder(text):
         raise argparse.ArgumentTypeError(f"{text!r} ends with a slash, which means a folder. Name a file")
     return Path(text)
 

@@ -18,7 +18,7 @@ from ..plan import Plan
 from ..proposal.links import Fitted
 from ..robot.link_mesh import is_urdf
 from ..robot.urdf import Robot, read_robot
-from .common import DONE, INTERRUPTED, WRONG_CALL, WRONG_DATA, check_picture, check_target, complain, say
+from .common import DONE, INTERRUPTED, WRONG_CALL, WRONG_DATA, check_picture, check_target, complain, names_folder, say
 from .fit_jobs import Job, Outcome, outcomes
 from .progress import Progress
 from .propose import add_options, propose
@@ -66,7 +66,7 @@ def add(commands, scene_plans: ScenePlans | None) -> None:
 
 def run(options: argparse.Namespace) -> int:
     given = [options.output, options.picture, options.report]
-    with_slash = {Path(text) for text in given if text and text.endswith(("/", os.sep))}
+    with_slash = {Path(text) for text in given if text and names_folder(text)}
     options.output, options.picture, options.report = (None if text is None else Path(text) for text in given)
     has_folder = options.propose or any(os.path.isdir(path) or is_urdf(path) for path in options.plans)
     proposed = DONE
@@ -101,15 +101,7 @@ def run(options: argparse.Namespace) -> int:
     check_target(options.report, *inputs, options.output, options.picture)
     names = [name for name, _, _ in links]
     targets = [path for path in (options.output, options.picture, options.report) if path is not None]
-    folders = [path for path in targets if os.path.isdir(path)]
-    for path in targets:
-        needs_folder = len(links) > 1 or path in with_slash or (has_folder and not path.suffix)
-        if path in folders or not needs_folder:
-            continue
-        if os.path.lexists(path) or (path.suffix and path not in with_slash):
-            why = f"{len(links)} links need one" if len(links) > 1 else "this call needs one"
-            raise OutputError(f"{path} is not a folder; {why}. Create it, or choose an existing folder.")
-        folders.append(path)
+    folders = _folders(targets, with_slash, has_folder, len(links))
     check_picture(None if options.picture in folders else options.picture)
     if len(set(names)) < len(names):
         raise OutputError(
@@ -153,6 +145,37 @@ def _plan_files(named: Iterable[Path]) -> tuple[list[Path], Path | None]:
         files += found
     unique = {os.path.realpath(path): path for path in files}
     return list(unique.values()), robots[0] if robots else None
+
+
+def _folders(targets: list[Path], with_slash: set[Path], has_folder: bool, links: int) -> list[Path]:
+    """Return the targets that are folders, or will be.
+
+    Parameters
+    ----------
+    targets : list of Path
+        For calibrations, pictures and reports.
+    with_slash : set of Path
+        Those whose names end with a slash.
+    has_folder : bool
+        Whether the call has a folder or a robot as input: a target without an ending is then a folder.
+    links : int
+        Number of links; several need folders.
+
+    Raises
+    ------
+    OutputError
+        If one that must be a folder is a file, or has the name of one.
+    """
+    folders = [path for path in targets if os.path.isdir(path)]
+    for path in targets:
+        needs_folder = links > 1 or path in with_slash or (has_folder and not path.suffix)
+        if path in folders or not needs_folder:
+            continue
+        if os.path.lexists(path) or (path.suffix and path not in with_slash):
+            why = f"{links} links need one" if links > 1 else "this call needs one"
+            raise OutputError(f"{path} is not a folder; {why}. Create it, or choose an existing folder.")
+        folders.append(path)
+    return folders
 
 
 def _job(

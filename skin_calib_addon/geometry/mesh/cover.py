@@ -10,7 +10,7 @@ from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidMesh, InvalidPlan
 from ..components import components
 from .defects import MAX_DOUBLED_FRACTION, coherent
-from .shells import is_outer, merged, single
+from .shells import is_outer, merged, without_doubled
 from .triangle_mesh import TriangleMesh, weld
 from .visibility import visibility
 
@@ -88,7 +88,7 @@ def single_faces(mesh: TriangleMesh) -> TriangleMesh:
     TriangleMesh
         The same one if no face is doubled.
     """
-    number = single(mesh)[1]
+    number = without_doubled(mesh)[1]
     if number.max() + 1 == len(number):
         return mesh
     doubled = np.bincount(number)[number] > 1

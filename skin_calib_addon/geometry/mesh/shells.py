@@ -40,7 +40,7 @@ def shells(mesh: TriangleMesh) -> IntArray:
 @lru_cache(maxsize=4)
 def merged(mesh: TriangleMesh) -> tuple[TriangleMesh, IntArray]:
     """Return a mesh with the same shells that merges what counts as one, and the number of each face in it, (f,)."""
-    found = single(mesh)
+    found = without_doubled(mesh)
     if found[0].pieces.max() == 0:
         return found
     distance = ROUNDING * float(np.abs(mesh.vertices).max())
@@ -49,16 +49,19 @@ def merged(mesh: TriangleMesh) -> tuple[TriangleMesh, IntArray]:
         return found
     same = components(len(mesh.vertices), *pairs.T)
     chosen = np.unique(same, return_index=True)[1]
-    return single(TriangleMesh(mesh.vertices, chosen[same][mesh.faces]))
+    return without_doubled(TriangleMesh(mesh.vertices, chosen[same][mesh.faces]))
 
 
-def single(mesh: TriangleMesh) -> tuple[TriangleMesh, IntArray]:
-    """Return a mesh without doubled faces if its faces are not connected, and the number of each face in it, (f,)."""
+def without_doubled(mesh: TriangleMesh) -> tuple[TriangleMesh, IntArray]:
+    """Return a mesh with one of faces that are back to back, wound anyhow, and the number of each face in it, (f,).
+
+    Faces that are all connected are not doubled: edges of doubled ones belong to more than two faces.
+    """
     every = np.arange(len(mesh.faces))
     if mesh.pieces.max() == 0:
         return mesh, every
-    single, number = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_inverse=True)
-    return (mesh, every) if len(single) == len(mesh.faces) else (TriangleMesh(mesh.vertices, single), number.ravel())
+    kept, number = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_inverse=True)
+    return (mesh, every) if len(kept) == len(mesh.faces) else (TriangleMesh(mesh.vertices, kept), number.ravel())
 
 
 @lru_cache(maxsize=4)
