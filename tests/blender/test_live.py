@@ -1,5 +1,6 @@
 """Live updates: surface and skin follow the plan; files, undo steps and other links are not affected."""
 
+import importlib
 from threading import Event
 
 import pytest
@@ -200,6 +201,26 @@ def test_cut_that_moves_takes_the_lines_of_the_last_fit_along(bpy, updates, prev
     followed = plan.result.mean
     bpy.ops.skin_calib.fit()
     assert plan.result.mean == followed
+
+
+def test_cut_that_moves_removes_faces_of_a_coarse_mesh_until_the_fit(updates, preview, following, monkeypatch):
+    """The removed part has few faces while the cut moves; with the complete fit it is that of the mesh."""
+    clustering = importlib.import_module(preview.__name__.replace("blender.live.preview", "geometry.mesh.clustering"))
+    monkeypatch.setattr(clustering, "COARSE_FACES", 60)
+    cut = cut_at(following.skin_calib, 0.03)
+    rest(updates, monkeypatch)
+
+    def removed():
+        (layer,) = [layer for layer in updates.sketches[following.name].layers if layer.colours is not None]
+        return len(layer.points) // 3
+
+    exact = removed()
+    monkeypatch.setattr(updates, "FIT_DELAY", 60.0)
+    cut.point[2] = 0.0301
+    look(updates)
+    assert updates.reports[following.name].coarse and 0 < removed() < exact / 2
+    rest(updates, monkeypatch)
+    assert removed() == exact
 
 
 def test_cut_that_moves_leaves_other_surfaces_as_they_are(bpy, updates, preview, following, monkeypatch):

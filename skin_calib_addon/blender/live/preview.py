@@ -114,8 +114,10 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
         From the scene.
     """
     mesh = cache.step("mesh", given.facets, Facets.is_same, given.facets.mesh)
-    sketch = cache.step("sketch", (mesh, given.planes), _same_planes, lambda: sketch_of(mesh, given.planes))
     plan = given.plan
+    moving = {surface.name for surface in plan.surfaces if _cuts_move(cache, mesh, surface)} if plan else set()
+    drawn = mesh, given.planes, bool(moving)
+    sketch = cache.step("sketch", drawn, _same_planes, lambda: sketch_of(*drawn))
     if plan is None:
         return Preview(sketch, report=PreviewReport(refusal=given.refusal) if given.refusal else None)
     given_skins, plan = plan.skins, replace(plan, skins=placed_at_once(plan.skins))
@@ -133,7 +135,6 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     planes = max((size.n for size in sizes if isinstance(size, Size)), default=0)
     coarse = len(mesh.faces) > MAX_EXACT_FACES or planes > MAX_EXACT_PLANES
     try:
-        moving = {surface.name for surface in plan.surfaces if _cuts_move(cache, mesh, surface)}
         try:
             fits, placed, coarse = placed_on(coarse, moving)
         except SkinCalibError:
@@ -203,7 +204,7 @@ def _fit(
             return fit_grid(cover, *settings)
         cover = coarse_cover(mesh, surface.cover)
         lines = surface.grid.moved_lines(before.lines, without_outliers(cover)[0])
-        return fit_surface(cover, lines, *settings[1:])
+        return fit_surface(cover, lines, *settings[1:], before.offsets)
 
     with naming_surface(plan, surface.name):
         fit: SurfaceFit = cache.step(step, (mesh, surface.cover, *settings, is_moved), _equal, fitted)
@@ -221,6 +222,6 @@ def _equal(given: tuple[Any, ...], before: tuple[Any, ...]) -> bool:
     return given[0] is before[0] and given[1:] == before[1:]
 
 
-def _same_planes(given: tuple[Any, HandPlanes], before: tuple[Any, HandPlanes]) -> bool:
-    """Return whether mesh (by identity) and planes are the same."""
-    return given[0] is before[0] and given[1].is_same(before[1])
+def _same_planes(given: tuple[Any, HandPlanes, bool], before: tuple[Any, HandPlanes, bool]) -> bool:
+    """Return whether mesh (by identity) and planes are the same, and their sketch as exact."""
+    return given[0] is before[0] and given[1].is_same(before[1]) and given[2] == before[2]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sketch hand-placed planes before any fit: removed parts, sections, planes that do not intersect the mesh."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from ...common.arrays import Array, unit
 from ...common.errors import InvalidPlan
 from ...geometry.grid.grids import check_order
+from ...geometry.mesh.clustering import coarse_mesh
 from ...geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, seen_faces, shells_after
 from ...geometry.mesh.shells import are_outer
 from ...geometry.mesh.triangle_mesh import TriangleMesh
@@ -38,7 +39,7 @@ class Sketch:
     arms: dict[Named, Array] = field(default_factory=dict)  # from the point of a plane to its handle, in the plane [m]
 
 
-def sketch_of(mesh: TriangleMesh, planes: HandPlanes) -> Sketch:
+def sketch_of(mesh: TriangleMesh, planes: HandPlanes, coarse: bool = False) -> Sketch:
     """Cut the mesh and draw the section of each plane; the sketch is empty without planes.
 
     Parameters
@@ -47,6 +48,8 @@ def sketch_of(mesh: TriangleMesh, planes: HandPlanes) -> Sketch:
         Of the link.
     planes : HandPlanes
         Cuts, u-planes and v-planes.
+    coarse : bool
+        Whether removed parts are drawn as those of ``coarse_mesh``, because cuts move.
     """
     sketch = Sketch()
     if not planes.are_there:
@@ -54,7 +57,7 @@ def sketch_of(mesh: TriangleMesh, planes: HandPlanes) -> Sketch:
     for family in FAMILIES:
         for i in np.flatnonzero(~planes.normals[family].any(axis=1)):
             sketch.wrong[family, int(i)] = "has a normal of length zero"
-    cover = _cut(sketch, mesh, planes)
+    cover = _cut(sketch, mesh, planes, coarse)
     for family in ("U", "V"):
         _draw(sketch, family, cover, planes, "misses the mesh")
     _check_order(sketch, "U", cover, planes)
@@ -73,11 +76,11 @@ def _check_order(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPl
         sketch.wrong[family, cut[k]] = f"is not beyond {family.lower()}-plane {cut[k - 1]}"
 
 
-def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> TriangleMesh:
+def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes, coarse: bool) -> TriangleMesh:
     """Draw the removed parts; return the mesh without them, or the mesh itself if no other planes need it."""
     valid = [i for i in range(len(planes.points["CUT"])) if ("CUT", i) not in sketch.wrong]
     cuts = [Cut(_triple(planes.points["CUT"][i]), _triple(unit(planes.normals["CUT"][i]))) for i in valid]
-    removed, complete = _removed(mesh, CoverSpec(planes.shell, tuple(cuts)))
+    removed, complete = _removed(mesh, CoverSpec(planes.shell, tuple(cuts)), coarse)
     _draw(sketch, "CUT", _seen(mesh, planes.shell), planes, "removes nothing")
     for k in complete:
         sketch.wrong["CUT", valid[k]] = "removes the complete mesh. Flip its normal"
@@ -95,11 +98,16 @@ def _seen(mesh: TriangleMesh, shell: str) -> TriangleMesh:
 
 
 @lru_cache(maxsize=4)  # while other planes move, the removed parts are the same
-def _removed(mesh: TriangleMesh, spec: CoverSpec) -> tuple[Array, tuple[int, ...]]:
+def _removed(mesh: TriangleMesh, spec: CoverSpec, coarse: bool = False) -> tuple[Array, tuple[int, ...]]:
     """Return the corners of the removed triangles (3 t, 3), float32 [m], and the cuts that would remove everything.
 
     Parts of faces are not welded: it would take longer than all else.
     """
+    if coarse:  # as coarse_cover
+        whole = replace(spec, cuts=())
+        few = coarse_mesh(cut_cover(mesh, whole))
+        by_cuts, complete = _removed(few, CoverSpec("all", spec.cuts))
+        return np.concatenate((_removed(mesh, whole)[0], by_cuts)), complete
     removed, complete, planes = [np.empty((0, 3, 3))], [], []
     seen = _seen(mesh, spec.shell)
     if seen is not mesh:

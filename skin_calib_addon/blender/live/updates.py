@@ -26,7 +26,7 @@ from ..scene.warnings import refusal_of
 from . import events
 from .background import Work
 from .preview import Preview, PreviewInput, PreviewReport, StepCache, compute_preview
-from .sketch import Sketch
+from .sketch import Sketch, sketch_of
 
 # [s] Time without a change after which the complete fit starts. Larger: the exact errors come later; smaller: fits
 # start between two steps of a drag.
@@ -343,8 +343,7 @@ def _was_accompanied(link: bpy.types.Object) -> bool:
 
 def _show(link: bpy.types.Object, preview: Preview) -> None:
     """Draw a preview."""
-    sketches[link.name] = preview.sketch
-    drawing.set_layers("planes", link.name, tuple(preview.sketch.layers))
+    _draw_sketch(link, preview.sketch)
     reports.pop(link.name, None)
     if preview.report is None:
         return
@@ -354,15 +353,27 @@ def _show(link: bpy.types.Object, preview: Preview) -> None:
         reports[link.name], drawing.previews[link.name] = preview.report, preview.layers
 
 
+def _draw_sketch(link: bpy.types.Object, sketch: Sketch) -> None:
+    sketches[link.name] = sketch
+    drawing.set_layers("planes", link.name, tuple(sketch.layers))
+
+
 def _finish(link: bpy.types.Object) -> Callable[..., Any]:
-    """Return the task of a complete fit."""
+    """Return the task of a complete fit, and of the sketch, which was coarse if cuts moved."""
     plan, facets = plans.read_plan(link, bpy.context.scene), facets_of(link)
-    return lambda begin: results.fit(plan, facets.mesh(), begin)
+    planes = read_hand_planes(link, bpy.context.scene)
+
+    def fit(begin: Any) -> tuple[str, Any, Sketch]:
+        mesh = facets.mesh()
+        return *results.fit(plan, mesh, begin), sketch_of(mesh, planes)
+
+    return fit
 
 
 def _store(link: bpy.types.Object, fitted: Any) -> None:
-    """Store the result of a complete fit."""
-    key, result = fitted
+    """Store the result of a complete fit, and draw its sketch."""
+    key, result, sketch = fitted
+    _draw_sketch(link, sketch)
     drawing.prepare(key, result)
     results.write_result(link, bpy.context.scene, result, key)
     for act in after_fit:

@@ -68,6 +68,7 @@ def fit_surface(
     chords: bool = False,
     max_deviation: float = MAX_DEVIATION,
     draft: bool = False,
+    start: Array | None = None,
 ) -> SurfaceFit:
     r"""Fit a B-spline surface whose control points are on the lines of a plane grid (paper, Algorithm 1).
 
@@ -101,6 +102,8 @@ def fit_surface(
         has the largest distance.
     draft : bool
         Whether the fit is only a preview: it has fewer sample sites, and "auto" places planes and lines faster.
+    start : array, shape (n, m), optional
+        Offsets of control points on similar lines [m], from which the iterations start. By default they are all equal.
 
     Returns
     -------
@@ -119,7 +122,7 @@ def fit_surface(
     degrees = (degree, degree) if isinstance(degree, int) else degree
     given, (mesh, outliers) = mesh, without_outliers(mesh)
     lines = grid if isinstance(grid, LineGrid) else grid.line_grid(mesh, degrees, draft)
-    fit = fit_lines(mesh, lines, degrees, chords, draft)
+    fit = fit_lines(mesh, lines, degrees, chords, draft, start)
     fit = replace(fit, limits=DeviationLimits.of(max_deviation), **left_out(given, outliers))
     check_fit(fit)
     return fit
@@ -164,6 +167,7 @@ def fit_lines(
     degree: tuple[int, int],
     chords: bool = False,
     draft: bool = False,
+    start: Array | None = None,
 ) -> SurfaceFit:
     """Fit a surface as ``fit_surface`` does, along given lines, without the check of its distance from the mesh.
 
@@ -179,6 +183,8 @@ def fit_lines(
         As for ``fit_surface``.
     draft : bool
         As for ``fit_surface``.
+    start : array, shape (n, m), optional
+        As for ``fit_surface``.
 
     Returns
     -------
@@ -189,7 +195,7 @@ def fit_lines(
     if chords and len(mesh.faces) < len(basis.N) * len(basis.M):
         basis = TensorBasis.of(lines, *degree, CHORD_SITES_PER_SPAN)
     rows = SampleRows.of(mesh, lines, basis, again=draft)
-    offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size)
+    offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size) if start is None else start
     samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
     check_coverage(mesh, lines, basis, samples)
     offsets, samples, iterations, movement = iterate(lines, basis, rows, offsets, samples)

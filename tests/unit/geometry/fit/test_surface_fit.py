@@ -455,6 +455,16 @@ def test_draft_of_a_smooth_link_is_near_the_fit(spacing, planes):
     assert 0 < distance.max() < MAX_DRAFT_DISTANCE
 
 
+def test_fit_from_a_similar_one_takes_fewer_iterations_to_the_same_surface():
+    """The offsets of a fit are a start on lines that moved by a tenth of a millimetre."""
+    mesh, grid = subdivided(wrist()), TubeGrid(10, 20, Z_AXIS, margin=0.004)
+    near = fit_surface(mesh, TubeGrid(10, 20, Z_AXIS, margin=0.0041))
+    cold = fit_surface(mesh, grid)
+    warm = fit_surface(mesh, grid, start=near.offsets)
+    assert warm.iterations < cold.iterations
+    assert np.abs(warm.offsets - cold.offsets).max() < 1e-6
+
+
 def test_draft_samples_one_error_model_for_all_numbers_of_planes(monkeypatch):
     """The profiles that place planes are cast once; exact fits cast them for each number of planes."""
     mesh, cast = wrist(), []
