@@ -10,7 +10,7 @@ from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidMesh, InvalidPlan
 from ..components import components
 from .defects import MAX_DOUBLED_FRACTION, coherent
-from .shells import is_outer, merged, without_doubled
+from .shells import is_outer, merged, rounded, without_doubled
 from .triangle_mesh import TriangleMesh, weld
 from .visibility import visibility
 
@@ -88,6 +88,7 @@ def single_faces(mesh: TriangleMesh) -> TriangleMesh:
     TriangleMesh
         The same one if no face is doubled.
     """
+    mesh = _with_doubled(mesh)
     number = without_doubled(mesh)[1]
     if number.max() + 1 == len(number):
         return mesh
@@ -99,6 +100,16 @@ def single_faces(mesh: TriangleMesh) -> TriangleMesh:
     _, first = np.unique(number[order], return_index=True)
     kept = coherent(weld(mesh.vertices, mesh.faces[order[first]]))
     return weld(kept.vertices, kept.faces)
+
+
+def _with_doubled(mesh: TriangleMesh) -> TriangleMesh:
+    """Return a mesh in which faces that are back to back within rounding have the same corners."""
+    joined = rounded(mesh)
+    if joined is mesh:
+        return mesh
+    close = weld(joined.vertices, joined.faces)
+    found, found_close = (len(m.faces) - len(without_doubled(m)[0].faces) for m in (mesh, close))
+    return close if found_close > found else mesh
 
 
 @lru_cache(maxsize=1)  # as visibility

@@ -41,15 +41,25 @@ def shells(mesh: TriangleMesh) -> IntArray:
 def merged(mesh: TriangleMesh) -> tuple[TriangleMesh, IntArray]:
     """Return a mesh with the same shells that merges what counts as one, and the number of each face in it, (f,)."""
     found = without_doubled(mesh)
-    if found[0].pieces.max() == 0:
-        return found
+    joined = mesh if found[0].pieces.max() == 0 else rounded(mesh)
+    return found if joined is mesh else without_doubled(joined)
+
+
+@lru_cache(maxsize=4)
+def rounded(mesh: TriangleMesh) -> TriangleMesh:
+    """Return a mesh whose vertices are the same if they differ by the rounding of single precision; its faces stay.
+
+    A mesh that is all connected stays as it is.
+    """
+    if mesh.pieces.max() == 0:
+        return mesh
     distance = ROUNDING * float(np.abs(mesh.vertices).max())
     pairs = cKDTree(mesh.vertices).query_pairs(distance, output_type="ndarray")
     if len(pairs) == 0:
-        return found
+        return mesh
     same = components(len(mesh.vertices), *pairs.T)
     chosen = np.unique(same, return_index=True)[1]
-    return without_doubled(TriangleMesh(mesh.vertices, chosen[same][mesh.faces]))
+    return TriangleMesh(mesh.vertices, chosen[same][mesh.faces])
 
 
 def without_doubled(mesh: TriangleMesh) -> tuple[TriangleMesh, IntArray]:

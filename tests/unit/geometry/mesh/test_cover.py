@@ -130,6 +130,17 @@ def test_faces_that_are_back_to_back_are_one_face(every):
         assert same_mesh(cut_cover(doubled, CoverSpec(shell)), cut_cover(mesh, CoverSpec(shell)))
 
 
+def test_faces_that_are_back_to_back_within_rounding_are_one_face():
+    """The second face of each two has vertices of its own, which differ by the rounding of single precision."""
+    mesh = cylinder()
+    moved = mesh.vertices * (1 + 5e-8 * np.random.default_rng(0).uniform(-1, 1, mesh.vertices.shape))
+    faces = np.concatenate((mesh.faces, mesh.faces[::2, ::-1] + len(moved)))
+    cover = cut_cover(weld(np.concatenate((mesh.vertices, moved)), faces), CoverSpec("outer"))
+    assert len(cover.faces) == len(mesh.faces)
+    np.testing.assert_allclose(cover.face_areas.sum(), mesh.face_areas.sum(), rtol=1e-6)
+    assert (cover.face_normals[:, :2] * cover.triangles.mean(axis=1)[:, :2]).sum(axis=1).min() > 0
+
+
 def test_cut_that_removes_everything_is_refused():
     """The message names the cut, and what may be wrong with it."""
     cuts = (Cut((0, 0, 0.05), (0, 0, 1)), Cut((0, 0, 0.2), (0, 0, 1)))
