@@ -17,7 +17,7 @@ from ..pipeline.sources import changed_inputs, find_mesh, is_same_mesh, lost_pla
 from ..plan import FORMAT, check_plan_wholly, load_plan
 from ..robot.link_mesh import is_urdf, plan_mesh_files
 from ..robot.urdf import read_robot
-from .common import DONE, WRONG_DATA, complain, say
+from .common import DONE, WRONG_DATA, complain, named_path, say
 
 MAX_UNCOUNTED = 10  # findings without a count by code. Larger: longer lists without a count.
 
@@ -32,11 +32,13 @@ def add(commands) -> None:
     check.add_argument(
         "files",
         nargs="+",
-        type=Path,
+        type=named_path,
         metavar="FILE",
         help="file, or folder of *.calibration.json, *.plan.json and robot.json",
     )
-    check.add_argument("--mesh", type=Path, metavar="MESH", help="mesh of the calibration; only for a single file")
+    check.add_argument(
+        "--mesh", type=named_path, metavar="MESH", help="mesh of the calibration; only for a single file"
+    )
     check.set_defaults(run=run)
 
 

@@ -92,11 +92,23 @@ def names_folder(text: str) -> bool:
     return text.endswith(("/", os.sep))
 
 
+def not_empty(text: str) -> str:
+    """Parse a name of a file or folder: an empty one, as of a variable that is not set, would be the current folder."""
+    if not text:
+        raise argparse.ArgumentTypeError("the name is empty")
+    return text
+
+
+def named_path(text: str) -> Path:
+    """Parse an argument that names a file or folder."""
+    return Path(not_empty(text))
+
+
 def file_name(text: str) -> Path:
     """Parse an option that names a file to write: a name that ends with a slash is a folder."""
     if names_folder(text):
         raise argparse.ArgumentTypeError(f"{text!r} ends with a slash, which means a folder. Name a file")
-    return Path(text)
+    return named_path(text)
 
 
 def newtons(text: str) -> float:

@@ -12,7 +12,18 @@ from ..common.atomic_file import check_writable, make_folder, write_bytes_safely
 from ..common.errors import OutputError, SkinCalibError, counted
 from ..robot.mjcf import MARK, robot_mjcf
 from ..robot.urdf import read_robot
-from .common import DONE, FIT_WITH_URDF, WRONG_DATA, check_kept, check_target, complain, file_name, listed, say
+from .common import (
+    DONE,
+    FIT_WITH_URDF,
+    WRONG_DATA,
+    check_kept,
+    check_target,
+    complain,
+    file_name,
+    listed,
+    named_path,
+    say,
+)
 
 ROBOT_FORMAT = "mjcf"  # the format of a whole robot
 
@@ -24,7 +35,9 @@ def add(commands) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog=listed(WRITABLE),
     )
-    export.add_argument("file", type=Path, metavar="FILE", help="calibration file; robot.json, or its folder, as mjcf")
+    export.add_argument(
+        "file", type=named_path, metavar="FILE", help="calibration file; robot.json, or its folder, as mjcf"
+    )
     export.add_argument("--to", required=True, choices=WRITABLE, metavar="FORMAT", help="one of the formats below")
     export.add_argument("-o", "--output", required=True, type=file_name, metavar="OUT", help="file to write")
     export.add_argument(

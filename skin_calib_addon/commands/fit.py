@@ -18,7 +18,19 @@ from ..plan import Plan
 from ..proposal.links import Fitted
 from ..robot.link_mesh import is_urdf
 from ..robot.urdf import Robot, read_robot
-from .common import DONE, INTERRUPTED, WRONG_CALL, WRONG_DATA, check_picture, check_target, complain, names_folder, say
+from .common import (
+    DONE,
+    INTERRUPTED,
+    WRONG_CALL,
+    WRONG_DATA,
+    check_picture,
+    check_target,
+    complain,
+    named_path,
+    names_folder,
+    not_empty,
+    say,
+)
 from .fit_jobs import Job, Outcome, outcomes
 from .progress import Progress
 from .propose import add_options, propose
@@ -47,13 +59,15 @@ def add(commands, scene_plans: ScenePlans | None) -> None:
     fit.add_argument(
         "plans",
         nargs="*" if scene_plans else "+",
-        type=Path,
+        type=named_path,
         metavar="PLAN",
         help="plan file; folder of *.plan.json; or URDF: fit the plans in its folder and compare them with it",
     )
-    fit.add_argument("-o", "--output", required=True, metavar="OUT", help="calibration file, or folder")
-    fit.add_argument("--picture", metavar="PNG", help="picture of surface, errors and taxels; or folder")
-    fit.add_argument("--report", metavar="JSON", help="report of errors and times; or folder")
+    fit.add_argument("-o", "--output", required=True, type=not_empty, metavar="OUT", help="calibration file, or folder")
+    fit.add_argument(
+        "--picture", type=not_empty, metavar="PNG", help="picture of surface, errors and taxels; or folder"
+    )
+    fit.add_argument("--report", type=not_empty, metavar="JSON", help="report of errors and times; or folder")
     fit.add_argument("--again", action="store_true", help="also fit calibrations that are up to date")
     fit.add_argument(
         "--propose",
@@ -61,14 +75,25 @@ def add(commands, scene_plans: ScenePlans | None) -> None:
         help="PLAN is a URDF or a mesh: propose plans first, and write them to the folder OUT, see propose",
     )
     add_options(fit)
-    fit.set_defaults(run=run, scene_plans=scene_plans)
+    fit.set_defaults(run=run, scene_plans=scene_plans, refuse=fit.error)
 
 
 def run(options: argparse.Namespace) -> int:
     given = [options.output, options.picture, options.report]
     with_slash = {Path(text) for text in given if text and names_folder(text)}
+    of_proposals = {
+        "--skin": options.skin,
+        "--only": options.only,
+        "--except": options.left_out,
+        "--unit": options.unit,
+    }
+    for option, value in of_proposals.items():
+        if value is not None and not options.propose:
+            options.refuse(f"{option} needs --propose: it is about the plans that are proposed")
     options.output, options.picture, options.report = (None if text is None else Path(text) for text in given)
-    has_folder = options.propose or any(os.path.isdir(path) or is_urdf(path) for path in options.plans)
+    has_folder = (
+        options.propose or len(options.plans) > 1 or any(os.path.isdir(path) or is_urdf(path) for path in options.plans)
+    )
     proposed = DONE
     fitted: dict[Path, Fitted | None] = {}
     if options.propose:

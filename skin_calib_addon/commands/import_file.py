@@ -1,7 +1,6 @@
 """``import``: convert the taxels of another program to a table, or place them on the link of a plan."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from ..calibration.exchange import READABLE, read_taxels, write_taxel_set
@@ -13,7 +12,7 @@ from ..pipeline import calibrate
 from ..pipeline.report import summary
 from ..plan import Plan, check_frame, check_plan, load_plan, plan_document, plan_from
 from ..skin.imported import placed
-from .common import DONE, check_kept, check_target, complain, file_name, listed, say
+from .common import DONE, check_kept, check_target, complain, file_name, listed, named_path, say
 
 
 def add(commands) -> None:
@@ -25,7 +24,7 @@ def add(commands) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog=listed(READABLE),
     )
-    importing.add_argument("file", type=Path, metavar="FILE", help="taxel file of another program")
+    importing.add_argument("file", type=named_path, metavar="FILE", help="taxel file of another program")
     importing.add_argument(
         "--from", dest="format", choices=READABLE, metavar="FORMAT", help="one of the formats below (default: detected)"
     )
@@ -39,7 +38,7 @@ def add(commands) -> None:
         metavar="JSON",
         help='{"rotation", "translation"} from the frame of the file to the link frame',
     )
-    importing.add_argument("--plan", type=Path, metavar="PLAN", help="plan of the link of the taxels")
+    importing.add_argument("--plan", type=named_path, metavar="PLAN", help="plan of the link of the taxels")
     importing.add_argument("--name", metavar="NAME", help="name of the patch (default: name of the file); needs --plan")
     importing.set_defaults(run=run, refuse=importing.error)
 

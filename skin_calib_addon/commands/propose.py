@@ -28,7 +28,7 @@ from ..proposal.proposal import Proposal
 from ..proposal.skins import DEFAULT_SKIN, FORMS, SkinChoice, parse_skin
 from ..robot.link_mesh import is_urdf, links_with_mesh
 from ..robot.urdf import read_robot
-from .common import DONE, WRONG_DATA, complain, count, say
+from .common import DONE, WRONG_DATA, complain, count, named_path, say
 from .progress import Progress
 from .worker_processes import run_tasks
 
@@ -41,8 +41,10 @@ def add(commands) -> None:
         description="A plan has the surfaces that cover what can be seen from outside and what no other link covers, "
         "and skins on them. Each plan states the reasons for its choices, under x_proposal.",
     )
-    propose.add_argument("file", type=Path, metavar="FILE", help="URDF of the robot, or a mesh")
-    propose.add_argument("-o", "--output", required=True, type=Path, metavar="FOLDER", help="folder for the plans")
+    propose.add_argument("file", type=named_path, metavar="FILE", help="URDF of the robot, or a mesh")
+    propose.add_argument(
+        "-o", "--output", required=True, type=named_path, metavar="FOLDER", help="folder for the plans"
+    )
     propose.add_argument("--again", action="store_true", help="also replace plans that exist")
     add_options(propose)
     propose.set_defaults(run=run)
@@ -53,7 +55,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--skin",
         type=_skin,
-        default=DEFAULT_SKIN,
         metavar="SKIN",
         help=f"skin of all links. {FORMS} Default: {DEFAULT_SKIN}",
     )
@@ -70,7 +71,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="LINK",
         help="no links with this name, or of this pattern; can be repeated",
     )
-    parser.add_argument("--unit", choices=("m", "mm"), default="m", help="unit of the numbers of a mesh (default: m)")
+    parser.add_argument("--unit", choices=("m", "mm"), help="unit of the numbers of a mesh (default: m)")
     parser.add_argument("--jobs", type=count, default=1, metavar="N", help="number of parallel processes (default: 1)")
 
 
@@ -112,12 +113,12 @@ def propose(
     code : int
         Exit code.
     """
-    choice = options.skin
+    choice = options.skin or parse_skin(DEFAULT_SKIN)
     if os.path.lexists(folder) and not os.path.isdir(folder):
         raise OutputError(f"{folder} is not a folder. Choose another name.")
     links = _links(options)
     fit = fit and len(links) > 1  # the summary of a single fit needs more than its calibration
-    tasks = [Task(options.file, options.unit, link, choice, fit=fit) for link in links]
+    tasks = [Task(options.file, options.unit or "m", link, choice, fit=fit) for link in links]
     make_folder(folder)
     kept = {task.link for task in tasks if not again and os.path.lexists(plan_path(folder, task.link))}
     done: dict[str, Outcome] = {}

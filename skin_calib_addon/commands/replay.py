@@ -3,7 +3,6 @@
 import argparse
 import json
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 
@@ -12,13 +11,13 @@ from ..common.errors import CalibrationFormatError
 from ..inspection.recording import frame_document, read_modalities, read_recording
 from ..runtime import Frame, Skin, load
 from ..runtime.modalities import FORCE
-from .common import DONE, check_kept, check_picture, check_target, complain, count, file_name, newtons, say
+from .common import DONE, check_kept, check_picture, check_target, complain, count, file_name, named_path, newtons, say
 
 
 def add(commands) -> None:
     replay = commands.add_parser("replay", help="process recorded readings with the runtime")
-    replay.add_argument("file", type=Path, metavar="CALIBRATION", help="calibration file")
-    replay.add_argument("readings", type=Path, metavar="READINGS", help="CSV or NPZ file with time and readings")
+    replay.add_argument("file", type=named_path, metavar="CALIBRATION", help="calibration file")
+    replay.add_argument("readings", type=named_path, metavar="READINGS", help="CSV or NPZ file with time and readings")
     replay.add_argument(
         "-o",
         "--output",

@@ -16,15 +16,15 @@ from ..calibration.response_fit import ResponseFit, fit_response
 from ..common.errors import CalibrationFormatError, UnderdeterminedFit
 from ..common.findings import did_you_mean, show
 from ..common.warnings import Place, Warning
-from .common import DONE, check_kept, check_picture, check_target, complain, file_name, say
+from .common import DONE, check_kept, check_picture, check_target, complain, file_name, named_path, say
 
 
 def add(commands) -> None:
     response = commands.add_parser("response", help="fit the responses of the sensors to measurements")
-    response.add_argument("file", type=Path, metavar="CALIBRATION", help="calibration file")
+    response.add_argument("file", type=named_path, metavar="CALIBRATION", help="calibration file")
     response.add_argument(
         "measurements",
-        type=Path,
+        type=named_path,
         metavar="MEASUREMENTS",
         help="CSV file with columns reading, force [N], and optionally taxel; with --modality reading and value",
     )

@@ -13,14 +13,25 @@ from ..pipeline.report import area_table, covered_area, robot_table, seen_area, 
 from ..robot.kinematics import link_poses
 from ..robot.link_mesh import load_urdf_meshes
 from ..robot.urdf import read_robot
-from .common import DONE, FIT_WITH_URDF, WRONG_DATA, check_kept, check_picture, check_target, complain, file_name, say
+from .common import (
+    DONE,
+    FIT_WITH_URDF,
+    WRONG_DATA,
+    check_kept,
+    check_picture,
+    check_target,
+    complain,
+    file_name,
+    named_path,
+    say,
+)
 
 
 def add(commands) -> None:
     parser = commands.add_parser(
         "show", help="print table and warnings of a calibration or of the links of a robot, and draw a picture"
     )
-    parser.add_argument("file", type=Path, metavar="FILE", help="calibration file; robot.json, or its folder")
+    parser.add_argument("file", type=named_path, metavar="FILE", help="calibration file; robot.json, or its folder")
     parser.add_argument(
         "--picture", type=file_name, metavar="PNG", help="picture of surfaces and taxels; of a robot in its zero pose"
     )

@@ -12,7 +12,7 @@ from ..pipeline.refine import refine
 from ..pipeline.touch_distance import check_touches
 from ..plan import FORMAT, load_plan, named_from, save_plan
 from ..validation import Placement, placements, read_touches, summarize
-from .common import DONE, check_kept, check_picture, check_target, complain, file_name, say
+from .common import DONE, check_kept, check_picture, check_target, complain, file_name, named_path, say
 
 
 def add(commands) -> None:
@@ -23,8 +23,8 @@ def add(commands) -> None:
         "position x, y, z of the probe [m] or the wrench fx, fy, fz, tx, ty, tz of a force-torque sensor [N, N m], in "
         "the link frame.",
     )
-    touches.add_argument("file", type=Path, metavar="FILE", help="calibration or plan")
-    touches.add_argument("touches", type=Path, metavar="TOUCHES", help="CSV file of measured touches")
+    touches.add_argument("file", type=named_path, metavar="FILE", help="calibration or plan")
+    touches.add_argument("touches", type=named_path, metavar="TOUCHES", help="CSV file of measured touches")
     touches.add_argument(
         "--refine", action="store_true", help="move the skins of the plan to the positions of the touches"
     )

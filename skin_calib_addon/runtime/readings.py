@@ -129,6 +129,8 @@ def row_of(given: Any, kinds: str, must: str) -> Any:
         numbers = np.asarray(given)
     except ValueError as error:
         raise InvalidReading(f"{must}; this has rows of different lengths", flag="wrong_type") from error
+    except Exception as error:  # as in taxel_readings
+        raise InvalidReading(f"{must}; this is {type(given).__name__}: {error}", flag="wrong_type") from error
     if numbers.ndim != 1 or numbers.dtype.kind not in kinds:
         if numbers.shape == (0,):
             return np.empty(0, np.int64)

@@ -135,7 +135,7 @@ def by_noise(
     weights, pushes = noise.pushes(signed, forces, excess)
     if not is_complete:
         pushes[~known] = 0.0
-    return Touched(active, sure | lasts, possible | lasts, weights, pushes, True), state
+    return Touched(active, sure | lasts, possible | lasts | active, weights, pushes, True), state
 
 
 def has_neighbour(which: BoolArray, neighbours: IntArray) -> BoolArray:

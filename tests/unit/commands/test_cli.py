@@ -284,6 +284,38 @@ def test_one_plan_of_a_folder_gets_a_folder(folder):
     assert (folder / "file").is_file()
 
 
+def test_one_plan_given_twice_gets_a_folder(folder):
+    """Several plans need a folder, also if they are one."""
+    plan = str(write_plan(folder))
+    assert main(["fit", plan, plan, "-o", str(folder / "out")]) == 0
+    assert (folder / "out/tube.calibration.json").is_file()
+
+
+@pytest.mark.parametrize("option", ["--only", "--except", "--skin", "--unit"])
+def test_options_of_proposals_need_propose(folder, capsys, option):
+    """A link that the call leaves out would be fitted."""
+    value = {"--skin": "hexagons:8mm", "--unit": "mm"}.get(option, "tube")
+    with pytest.raises(SystemExit) as stop:
+        main(["fit", str(write_plan(folder)), "-o", str(folder / "out.json"), option, value])
+    assert stop.value.code == 2 and f"{option} needs --propose" in capsys.readouterr().err
+    assert not (folder / "out.json").exists()
+
+
+@pytest.mark.parametrize(
+    "call",
+    ["fit {} -o {empty}", "fit {empty} -o out.json", "propose {} -o {empty}", "show {empty}", "export {} -o {empty}"],
+)
+def test_empty_name_is_no_folder(folder, capsys, monkeypatch, call):
+    """A variable that is not set would make the current folder input or output."""
+    plan = write_plan(folder)
+    monkeypatch.chdir(folder)
+    before = sorted(folder.iterdir())
+    with pytest.raises(SystemExit) as stop:
+        main([{"{}": str(plan), "{empty}": ""}.get(word, word) for word in call.split()])
+    assert stop.value.code == 2 and "the name is empty" in capsys.readouterr().err
+    assert sorted(folder.iterdir()) == before
+
+
 def test_file_is_no_folder(folder, capsys):
     """A name with a slash at the end replaces no file, and is no name of a file where a command writes one."""
     plan, file = write_plan(folder), folder / "file"

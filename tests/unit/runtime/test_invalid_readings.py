@@ -186,6 +186,21 @@ def test_masked_numbers_are_unknown():
     assert skin.forces(np.full(N, 9.0)).tolist() == [6.0] * 5 + [9.0] + [6.0] * (N - 6)
 
 
+class Tensor:
+    """An array of another library that is not in the memory of the processor."""
+
+    def __array__(self, *_, **__):
+        raise RuntimeError("it is on another device")
+
+
+def test_arrays_of_other_devices_are_flagged():
+    """A controller that runs gets flags and no error, also for events."""
+    skin = sole()
+    assert skin.update(Tensor(), 0.0).flags == {"wrong_type"}
+    assert skin.update_events([0], Tensor(), 0.0).flags == {"wrong_type"}
+    assert skin.update_events(Tensor(), [1], 0.0).flags == {"wrong_type"}
+
+
 def test_truth_values_are_no_readings():
     """A row of true and false is a mask or a comparison that was passed by mistake."""
     skin = sole()

@@ -262,6 +262,19 @@ def test_dead_taxel_is_unknown_and_possibly_touched():
     assert all(frame.polygon.outer.margin(c) > -1e-9 for c in skin.ground.corners[[0, 41]].reshape(-1, 2))
 
 
+def test_outer_polygon_contains_what_is_active():
+    """A heel that fades to two standard deviations, with a loaded toe, stays a contact; no polygon leaves it out."""
+    rng, skin = np.random.default_rng(8), sole()
+    skin.tare(read(rng, FREE, frames=250, offset=20.0))
+    heel, toe = (int(f(skin.positions[:, 0])) for f in (np.argmin, np.argmax))
+    for k, counts in enumerate((40, 40, 3.6)):  # the noise has a standard deviation of 2
+        forces = FREE.copy()
+        forces[heel], forces[toe] = counts * NEWTONS, 20.0
+        frame = skin.update(read(rng, forces, noise=0.3, offset=20.0)[0], 0.01 * k)
+    assert any(heel in contact.taxels for contact in frame.contacts)
+    assert all(frame.polygon.outer.margin(corner) > -1e-9 for corner in frame.polygon.nominal.corners)
+
+
 @pytest.mark.parametrize("options", [{}, {"switch_on": 0.2, "switch_off": 0.1}])
 def test_masked_taxel_is_possibly_touched(options):
     """The outer polygon of a foot that stands contains masked taxels; that of a free foot is empty."""
