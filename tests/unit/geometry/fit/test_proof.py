@@ -44,6 +44,17 @@ def test_tolerance_is_claimed_only_where_it_is_kept(seed, measure, fraction, unk
 
 
 @pytest.mark.parametrize("measure", ["mean", "max"])
+@pytest.mark.parametrize("fraction", [1.0, 1.02, 1.05, 1.1])
+def test_confirmed_error_is_an_upper_bound_just_above_the_truth(measure, fraction):
+    """The estimate of the other distances decides when to stop; it must not replace their bounds."""
+    for seed in range(20):
+        distances, areas, bounds = case(seed, unknown=3)
+        truth = stated(distances, areas, measure)
+        error = confirmed_error(bounds, areas, lambda chosen, exact=distances: exact[chosen], measure, fraction * truth)
+        assert error >= truth * (1 - 1e-12)
+
+
+@pytest.mark.parametrize("measure", ["mean", "max"])
 def test_proof_takes_no_more_exact_distances_than_it_needs(measure):
     """None where the bounds keep the tolerance, a first few where it is far, some of all where they nearly keep it."""
     distances, areas, bounds = case(1, unknown=10)
