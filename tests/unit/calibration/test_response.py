@@ -113,6 +113,14 @@ def test_readings_outside_the_range_have_the_force_of_its_ends():
     assert_allclose(Response((9.0, -0.5), (2.0, 10.0)).newtons([0.0, 2.0, 10.0, 30.0]), [8.0, 8.0, 4.0, 4.0])
 
 
+def test_tables_of_several_taxels_end_each_at_their_own_forces():
+    """Readings beyond both ends have the forces of the ends, whichever table is before or after on the common axis."""
+    later = ResponseTable((20.0, 50.0, 200.0), (0.5, 1.0, 3.0))
+    responses = TaxelResponses([TABLE, later, DOWN], np.array((0, 1, 2, 0)))
+    assert responses.forces(np.array((400.0, 900.0, 5000.0, 251.0))).tolist() == [16.0, 3.0, 0.0, 16.0]
+    assert responses.forces(np.array((-300.0, 0.0, -2000.0, -1.0))).tolist() == [0.0, 0.5, 30.0, 0.0]
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_overflow_gives_nan_without_warning(sign):
     """A force that overflows in either direction is not finite: it must differ from a taxel at rest."""
