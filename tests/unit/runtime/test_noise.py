@@ -246,6 +246,9 @@ def test_foot_that_stands_from_the_start_is_no_rest():
         for k in range(300):
             frame = skin.update(read(rng, np.where(np.arange(N) < 12, load(k), 0.0))[0], 0.01 * k)
         assert "noise_unknown" in frame.flags and skin.noise is None
+        for k in range(300, 600):  # lifted: now it rests
+            frame = skin.update(read(rng, FREE)[0], 0.01 * k)
+        assert "noise_unknown" not in frame.flags and skin.noise is not None
 
 
 def test_dead_taxel_is_unknown_and_possibly_touched():
