@@ -206,7 +206,7 @@ def test_mujoco_applies_the_same_torques():
 
 def test_pinocchio_agrees_on_torques_and_accelerations():
     """Inverse dynamics with an external force; forward dynamics shows which torque accelerates the hand."""
-    pin = pytest.importorskip("pinocchio")
+    pin = pytest.importorskip("pinocchio", reason="the package pin is not installed")
     model = pin.buildSampleModelManipulator()
     data, rng = model.createData(), np.random.default_rng(6)
     q, zero, joint = rng.uniform(-1, 1, model.nq), np.zeros(model.nv), model.njoints - 1
