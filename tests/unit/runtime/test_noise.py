@@ -619,3 +619,16 @@ def test_frames_and_geometry_are_read_only(learned):
     found = {name: array for record in records for name, array in arrays_in(record)}
     assert {"Frame.forces", "Frame.zmp", "Touched.active", "Contact.position", "SkinGeometry.terms"} <= set(found)
     assert [name for name, array in found.items() if array.flags.writeable and name not in computed] == []
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_skewed_noise_raises_the_level_of_the_load(side):
+    """Gamma noise of shape 4 and skewness 1, common to all: the quantile of Cornish and Fisher; to the left, none."""
+    from scipy.stats import gamma, norm
+
+    rng, skin = np.random.default_rng(22), sole()
+    noise = rng.permutation(gamma.ppf((np.arange(5000) + 0.5) / 5000, 4) - 4)  # of standard deviation 2
+    skin.tare(np.rint(500 + 20 * side * noise[:, None] + rng.normal(size=(5000, N))))
+    quantile = norm.isf(2e-4)
+    expected = quantile + (quantile**2 - 1) * (side > 0) / 6
+    assert_allclose(skin.noise.load_level, expected * 40 * NEWTONS * N, rtol=0.01)

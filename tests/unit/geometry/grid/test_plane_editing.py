@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.common.errors import EmptySection, InvalidPlan
 from skin_calib_addon.geometry import AcrossGrid, CoverSpec, Cut, Planes, PlanesGrid, SectorGrid, TubeGrid, cut_cover
 from skin_calib_addon.geometry.grid.axis import axis_through
@@ -71,6 +72,17 @@ def test_planes_are_spaced_evenly():
     pair = u_planes([0.02, 0.08], [0.1, 0.2])
     assert_allclose(spread(pair, around=False).normals, pair.normals)
     assert len(spread(u_planes([0.02]), around=False)) == 1
+
+
+def test_spread_takes_the_sides_of_normals_from_their_neighbours():
+    """Three planes that fan out by less than 90 degrees each; it does not matter which side a normal points to."""
+    points, normals = (
+        0.01 * np.arange(3)[:, None] * (0, 0, 1.0),
+        unit(np.array(((1, 0, 0.0), (0.69, -0.73, 0), (0.63, -0.78, 0)))),
+    )
+    even = spread(Planes(points, normals), around=False)
+    assert_allclose(even.normals[[0, 2]], normals[[0, 2]], atol=1e-12)
+    assert_allclose(spread(Planes(points, normals * [[1], [-1], [1]]), around=False).normals, even.normals)
 
 
 @given(seeds, st.integers(2, 9))

@@ -13,7 +13,7 @@ from skin_calib_addon.common.errors import EmptySection
 from skin_calib_addon.geometry import AcrossGrid, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface, weld
 from skin_calib_addon.geometry.grid import spacing
 from skin_calib_addon.geometry.grid.error_model import PROFILES, ErrorModel
-from skin_calib_addon.geometry.grid.misfits import filled, interpolated, moving_part, span_errors
+from skin_calib_addon.geometry.grid.misfits import filled, interpolated, moving_part, periodic_lengths, span_errors
 from skin_calib_addon.geometry.grid.parametrizations import FaceParametrization, TubeParametrization, parametrized_lines
 from skin_calib_addon.geometry.grid.spacing import (
     equalized_maps,
@@ -247,6 +247,15 @@ def test_error_model_of_nothing_is_refused():
     with pytest.raises(EmptySection, match="No ray of the grid hits the mesh. Move the axis into the mesh") as caught:
         filled(np.full((3, 4), np.nan), True)
     assert "\n" not in str(caught.value)
+
+
+def test_lengths_about_uneven_angles_add_up_to_a_turn():
+    """Half of the distance between the two neighbours, across the seam as well; the sense does not matter."""
+    angles = np.array((0.0, 1.0, 2.5, 3.5, 5.0))
+    expected = np.array((TURN - 4.0, 2.5, 2.5, 2.5, TURN - 3.5)) / 2
+    assert_allclose(periodic_lengths(angles), expected)
+    assert_allclose(periodic_lengths(-angles), expected)
+    assert_allclose(periodic_lengths(angles).sum(), TURN)
 
 
 def test_gaps_are_bridged_by_straight_lines():
