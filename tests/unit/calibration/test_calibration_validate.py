@@ -392,6 +392,11 @@ def test_left_handed_and_turned_patches_are_valid(turn):
     assert findings_of(sheet(4, 5, 0.01), left) == ()
 
 
+def test_patch_of_one_taxel_is_valid():
+    """It has no second cell to compare with."""
+    assert findings_of(sheet(1, 1, 0.01), sheet(1, 1, 0.01).taxels) == ()
+
+
 def findings_of(patch, taxels):
     """Return the findings of a calibration with one patch of these taxels."""
     only = (dataclasses.replace(patch, taxels=taxels),)

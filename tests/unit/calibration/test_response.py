@@ -5,7 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -152,6 +152,8 @@ def test_rest_and_full_are_the_ends_of_the_range(response, rest, full):
 @given(
     coefficients=st.lists(st.floats(-5, 5), min_size=1, max_size=7), low=st.floats(-20, 20), width=st.floats(0.1, 40)
 )
+@example(coefficients=[0.0, 0.0, 1.0], low=-1.0, width=2.0)
+@example(coefficients=[0.0, 1.0], low=0.0, width=1.0)
 def test_monotone_agrees_with_many_readings(coefficients, low, width):
     """The result agrees with values at 4001 readings, except for reversals below rounding."""
     values = np.polynomial.polynomial.polyval(np.linspace(low, low + width, 4001), coefficients)

@@ -226,6 +226,15 @@ def test_cause_are_parts():
         fit_to_tolerance(mesh, 1e-4, axis=Z_AXIS, margin=0.002)
 
 
+def test_better_axis_is_found_far_from_the_origin():
+    """A link whose frame is 0.3 m from it: the axis of the message goes through the link."""
+    link, shift = closed_cone(40, 0.05, 24, 4), np.array((0.3, -0.2, 0.1))
+    moved = weld(link.vertices + shift, link.faces)
+    wrong = fit_surface(moved, TubeGrid(6, 12, Axis(tuple(shift + (0, 0, 0.0124)), (1.0, 0.0, 0.0))))
+    _, advice = better_axis(wrong, Tube(), "mean", 5e-4)
+    assert re.search(r"through \(300, -200, 1\d\d(\.\d)?\) mm along \(0, 0, -?1\)", advice), advice
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("apex", "sides", "rings", "turned"), [(40, 24, 10, None), slow(40, 24, 1, 3), slow(45, 64, 4, 5)]

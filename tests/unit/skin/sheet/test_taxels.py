@@ -183,6 +183,15 @@ def test_cells_on_two_sides_of_a_thin_part_are_no_neighbours():
     assert neighbours(("a", "b"), positions, np.abs(normals), corners) == (("b",), ("a",))
 
 
+@pytest.mark.parametrize("offset, are_neighbours", [(0.45, True), (0.55, False)])
+def test_cells_of_shifted_rows_are_neighbours_up_to_half_a_cell(offset, are_neighbours):
+    """The centre of one is ahead of the side of the other."""
+    positions, normals = 0.01 * np.array(((0, 0, 0), (offset, 1.0, 0))), np.tile((0, 0, 1.0), (2, 1))
+    square = 0.005 * np.array(((1.0, -1, 0), (1, 1.0, 0), (-1.0, 1, 0), (-1, -1.0, 0)))
+    found = neighbours(("a", "b"), positions, normals, positions[:, None] + square)
+    assert found == ((("b",), ("a",)) if are_neighbours else ((), ()))
+
+
 def test_cells_of_different_size_are_neighbours():
     """A small cell ahead of the side of a large one is a neighbour in both directions."""
     sizes, positions = np.array((0.015, 0.004)), np.array(((0, 0, 0), (0.019, 0.005, 0)))
