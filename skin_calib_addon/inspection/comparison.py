@@ -28,7 +28,6 @@ class Comparison:
 
     by: Literal["id", "nearest"]
     ours: IntArray  # (m,) rows
-    theirs: IntArray  # (m,) rows
     ends: Array  # (m, 2, 3) from ours to theirs [m]
     angles: Array | None  # (m,) between the normals [rad]; None where the file has none
     worst: str  # id of our taxel with the largest distance
@@ -95,7 +94,7 @@ def compare(taxels: AllTaxels, others: TaxelSet, mesh: TriangleMesh, link: str =
         *_inward(angles),
         *(str(finding) for finding in others.findings),
     )
-    return Comparison(by, ours, theirs, ends, angles, worst, notes)
+    return Comparison(by, ours, ends, angles, worst, notes)
 
 
 def _angles(a: Array, b: Array) -> Array:

@@ -156,11 +156,6 @@ class SizePredictor:
         self.across = ErrorCurve(plainest_lines, lines, degree[1] + 1, most)
 
     @property
-    def least(self) -> float:
-        """Return the least predicted error of all grids [m]."""
-        return float(np.hypot(self.along.errors().min(), self.across.errors().min()))
-
-    @property
     def most_control_points(self) -> int:
         """Return the number of control points of the largest grid."""
         return int(self.along.counts[-1] * self.across.counts[-1])

@@ -242,7 +242,6 @@ def iterate(
     rows: SampleRows,
     offsets: Array,
     samples: RaySamples,
-    gaps: Array | float = 0.0,
 ) -> tuple[Array, RaySamples, int, Array | None]:
     r"""Repeat solving and casting until no control point moves, the residuals grow, or the movement oscillates.
 
@@ -251,7 +250,7 @@ def iterate(
 
     .. math::
 
-        X \leftarrow X + \arg\min_{\delta X} \lVert N\, \delta X\, B^{T} - (E(X) + G) \rVert^2
+        X \leftarrow X + \arg\min_{\delta X} \lVert N\, \delta X\, B^{T} - E(X) \rVert^2
 
     Parameters
     ----------
@@ -265,8 +264,6 @@ def iterate(
         Offsets :math:`X` of the control points along their lines [m], to start from.
     samples : RaySamples
         Hits of the rays through the surface with these offsets; they have the residuals :math:`E`.
-    gaps : array, shape (k, l), or 0
-        Intended distance :math:`G` of the surface outside the mesh at each site [m].
 
     Returns
     -------
@@ -279,16 +276,16 @@ def iterate(
     movement : array, shape (k, l), or None
         Of the surface where rays hit, in the last iteration [m]; None if no control point moved.
     """
-    best, least = (offsets, samples), rms_residual(samples.residuals + gaps)
+    best, least = (offsets, samples), rms_residual(samples.residuals)
     moves: list[float] = []
     bounded = samples.outside is not None
     for iterations in range(1, MAX_FIT_ITERATIONS + 1):  # noqa: B007
-        step = basis.solve(samples.residuals + gaps, offsets)
+        step = basis.solve(samples.residuals, offsets)
         offsets = offsets + step
         before, samples = samples, rows.cast(basis.blend(offsets[..., None] * lines.directions))
         if bounded and iterations > FREE_ITERATIONS:
             samples = samples.without_new(before)
-        misfit = rms_residual(samples.residuals + gaps)
+        misfit = rms_residual(samples.residuals)
         if misfit > DIVERGENCE_RATIO * least and not bounded:
             break
         if misfit < least:

@@ -22,8 +22,6 @@ from .error_field import ErrorField, error_field
 from .error_report import MIN_COVER_COSINE, IsCover, NearMesh, mesh_to_surface, surface_to_mesh, winding
 from .undercut import undercut_warnings
 
-# [1] smallest area element to the mean area element below which a surface is folded, or closes to a point.
-MIN_AREA_RATIO = 1e-3
 # [1] points per control point and direction at which the area element is evaluated. Larger: smaller folds are found.
 AREA_SITES_PER_CONTROL_POINT = 5
 
@@ -313,10 +311,6 @@ class SurfaceFit:
         if self.refused_chords:
             found.append(Warning("chords-refused", "warning", CHORDS_REFUSED, advice="Remove the option chords."))
         return tuple(found)
-
-    def is_within(self, tolerance: float) -> bool:
-        """Return whether surface and mesh are within ``tolerance`` [m] of each other, without holes and folds."""
-        return self.missing == 0 and self.smallest_area > MIN_AREA_RATIO and self.errors.hausdorff <= tolerance
 
 
 def surface_at(lines: LineGrid, basis: TensorBasis, offsets: Array) -> BSplineSurface:
