@@ -9,6 +9,7 @@ from scipy.ndimage import map_coordinates, uniform_filter1d
 from scipy.sparse import csr_array
 
 from ...common.arrays import Array, BoolArray, IntArray, cross, unit
+from ..mesh.corners import undivided
 from ..mesh.defects import coherent
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
@@ -123,8 +124,11 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
     array, shape (k,)
         Along the normals of the faces [m]; zero next to sharp edges.
     """
-    face, which = np.unique(faces, return_inverse=True)
-    corners, facet, bends_at = mesh.faces[face], mesh.face_normals[face], _vertex_bends(mesh)
+    bends_at = _vertex_bends(mesh)
+    face, which = np.unique(bends_at.parent[faces], return_inverse=True)
+    corners = bends_at.faces[face]
+    a, b, c = np.moveaxis(mesh.vertices[corners], 1, 0)
+    facet = unit(cross(b - a, c - a))
     normals, rim = bends_at.normals, bends_at.rim[corners]
     edges = mesh.vertices[corners[:, NEXT]] - mesh.vertices[corners]
     turned = normals[corners] - facet[:, None]  # from the face to each corner
@@ -137,14 +141,16 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
     angles = 2 * np.arcsin(np.minimum(np.sqrt(np.einsum("fkc,fkc->fk", turned, turned).max(axis=1)) / 2, 1))
     bends *= np.clip((1 - angles / MAX_CORNER_ANGLE) / (1 - WHOLE_GAP_FRACTION), 0, 1)[:, None]
     bends[bends_at.sharp[corners].any(axis=1)] = 0.0
-    b = barycentric(mesh.vertices[corners][which], points)
-    return np.einsum("nk,nk,nk->n", b, b[:, NEXT], bends[which]) / 2
+    weights = barycentric(mesh.vertices[corners][which], points)
+    return np.einsum("nk,nk,nk->n", weights, weights[:, NEXT], bends[which]) / 2
 
 
 @dataclass(frozen=True, eq=False)
 class _VertexBends:
-    """The bends of a mesh at its vertices, and along its edges; each edge is in both of its faces."""
+    """The bends of an undivided mesh at its vertices, and along its edges; each edge is in both of its faces."""
 
+    faces: IntArray  # (g, 3) without the vertices inside divided facets
+    parent: IntArray  # (f,) the face of ``faces`` that contains each face of the mesh
     normals: Array  # (v, 3) unit
     sharp: BoolArray  # (v,) whether an edge at the vertex is meant to be sharp
     rim: BoolArray  # (v,) whether the faces around the vertex leave a side open
@@ -158,7 +164,9 @@ class _VertexBends:
 
 @lru_cache(maxsize=4)  # repeated fits, as in the window, keep the bends of their mesh
 def _vertex_bends(mesh: TriangleMesh) -> _VertexBends:
-    vertices, faces, count = mesh.vertices, mesh.faces, len(mesh.vertices)
+    vertices, count = mesh.vertices, len(mesh.vertices)
+    sharp, rim = sharp_vertices(mesh), at_rim(mesh.faces, count)
+    faces, parent = undivided(mesh, sharp | rim)
     normals = vertex_normals(vertices, faces)
     first, last = faces.ravel(), faces[:, NEXT].ravel()
     arms, bends = vertices[last] - vertices[first], normals[last] - normals[first]
@@ -169,8 +177,7 @@ def _vertex_bends(mesh: TriangleMesh) -> _VertexBends:
     size = 2 * len(arms)
     by_vertex = csr_array((np.ones(size, bool), (np.concatenate((first, last)), np.arange(size))), (count, size))
     starts, edges = by_vertex.indptr.astype(np.int64), by_vertex.indices.astype(np.int64) % len(arms)
-    sharp, rim = sharp_vertices(mesh), at_rim(faces, count)
-    return _VertexBends(normals, sharp, rim, bends, arms, squares, steepest, starts, edges)
+    return _VertexBends(faces, parent, normals, sharp, rim, bends, arms, squares, steepest, starts, edges)
 
 
 def _continues(vertices: Array, at_vertices: _VertexBends, corners: IntArray, turned: Array) -> Array:

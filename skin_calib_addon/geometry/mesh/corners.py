@@ -2,13 +2,16 @@
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, IntArray
+from ...common.arrays import Array, BoolArray, IntArray, cross, norms
 from ..components import components
 from .triangle_mesh import TriangleMesh
 
 # [rad] angle between faces below which they are in one plane. It is above the rounding of files in single precision,
 # and below the noise of scans. Larger: fewer corners.
 FLAT_ANGLE = 1e-3
+# [1] error of an area, or of the side of a line, in relation to the facet. It is above the rounding of files in single
+# precision. Larger: facets that are nearly triangles or quadrilaterals pass as such.
+SHAPE_TOLERANCE = 1e-3
 
 
 def facet_corners(mesh: TriangleMesh, faces: IntArray) -> BoolArray:
@@ -27,14 +30,108 @@ def facet_corners(mesh: TriangleMesh, faces: IntArray) -> BoolArray:
     -------
     array of bool, shape (v,)
     """
-    a, b = mesh.adjacency
-    flat = np.linalg.norm(np.cross(mesh.face_normals[a], mesh.face_normals[b]), axis=1) < FLAT_ANGLE
-    facet = components(len(mesh.faces), a[flat], b[flat])
+    facet = _facets(mesh)
     chosen = np.zeros(len(mesh.faces), bool)
     chosen[facet[faces]] = True
     of_facets = np.zeros(len(mesh.vertices), bool)
     of_facets[mesh.faces[chosen[facet]]] = True
     return are_corners(mesh, of_facets)
+
+
+def _facets(mesh: TriangleMesh) -> IntArray:
+    """Return the number of the facet of each face, shape (f,)."""
+    a, b = mesh.adjacency
+    flat = norms(cross(mesh.face_normals[a], mesh.face_normals[b])) < FLAT_ANGLE
+    return np.unique(components(len(mesh.faces), a[flat], b[flat]), return_inverse=True)[1]
+
+
+def undivided(mesh: TriangleMesh, fixed: BoolArray) -> tuple[IntArray, IntArray]:
+    """Return faces in which divided facets are whole: a triangle is one face, a convex quadrilateral is two.
+
+    The two faces of a quadrilateral meet at the diagonal that fewer of its faces cross, else at the shorter one. One
+    without vertices inside stays: the sides of a tube keep its rings. Faces of all other facets stay, also where they
+    have vertices on the side of a whole facet.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    fixed : array of bool, shape (v,)
+        A quadrilateral with one of these corners stays divided.
+
+    Returns
+    -------
+    faces : array of int, shape (g, 3)
+        Of the vertices of the mesh, wound as its faces.
+    parent : array of int, shape (f,)
+        For each face of the mesh, the new face that contains it.
+    """
+    corner = are_corners(mesh, np.ones(len(mesh.vertices), bool))
+    if corner.all():
+        return mesh.faces, np.arange(len(mesh.faces))
+    facet = _facets(mesh)
+    divided = np.zeros(facet.max() + 1, bool)
+    divided[facet[~corner[mesh.faces].all(axis=1)]] = True
+    face, place = np.nonzero(corner[mesh.faces] & divided[facet, None])
+    of_facet, vertex = np.unique(np.column_stack((facet[face], mesh.faces[face, place])), axis=0).T
+    count = np.bincount(of_facet, minlength=len(divided))
+    three, triangles = _convex(mesh, facet, *_polygons(of_facet, vertex, count, 3))
+    four, quads = _convex(mesh, facet, *_polygons(of_facet, vertex, count, 4))
+    low, high = np.full(len(corner), len(divided)), np.full(len(corner), -1)
+    np.minimum.at(low, mesh.faces.ravel(), np.repeat(facet, 3))
+    np.maximum.at(high, mesh.faces.ravel(), np.repeat(facet, 3))
+    free = ~fixed[quads].any(axis=1) & np.isin(four, low[low == high])
+    four, quads = four[free], quads[free]
+    inside, number = np.nonzero(np.isin(facet, four))[0], np.zeros(len(divided), np.int64)
+    number[four] = np.arange(len(four))
+    quad = number[facet[inside]]
+    sides, crossed, lengths = [], [], []
+    for start in (0, 1):
+        ends = mesh.vertices[quads[:, [start, start + 2]]]
+        along = ends[:, 1] - ends[:, 0]
+        square = np.einsum("qc,qc->q", along, along)
+        left = cross(mesh.face_normals[inside], along[quad]) / square[quad, None]
+        side = np.einsum("fkc,fc->fk", mesh.triangles[inside] - ends[quad, :1], left)
+        across = (side.min(axis=1) < -SHAPE_TOLERANCE) & (side.max(axis=1) > SHAPE_TOLERANCE)
+        sides.append(side.mean(axis=1) > 0)
+        crossed.append(np.bincount(quad, across, len(quads)))
+        lengths.append(square)
+    other = np.where(crossed[0] == crossed[1], lengths[1] < lengths[0], crossed[1] < crossed[0])
+    quads = np.where(other[:, None], np.roll(quads, -1, axis=1), quads)
+    is_left = np.where(other[quad], sides[1], sides[0])
+    stays = ~np.isin(facet, np.concatenate((three, four)))
+    faces = np.concatenate((mesh.faces[stays], triangles, quads[:, [0, 1, 2]], quads[:, [2, 3, 0]]))
+    parent = np.empty(len(mesh.faces), np.int64)
+    parent[stays] = np.arange(stays.sum())
+    number[three] = stays.sum() + np.arange(len(three))
+    in_three = np.isin(facet, three)
+    parent[in_three] = number[facet[in_three]]
+    parent[inside] = stays.sum() + len(three) + quad + is_left * len(four)
+    return faces, parent
+
+
+def _polygons(of_facet: IntArray, vertex: IntArray, count: IntArray, sides: int) -> tuple[IntArray, IntArray]:
+    """Return the facets with so many corners, shape (k,), and their corners, shape (k, sides)."""
+    return np.flatnonzero(count == sides), vertex[count[of_facet] == sides].reshape(-1, sides)
+
+
+def _convex(mesh: TriangleMesh, facet: IntArray, chosen: IntArray, corners: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the facets that their corners alone describe, shape (k,), and the corners in order, shape (k, sides)."""
+    a_face = np.zeros(facet.max() + 1, np.int64)
+    a_face[facet] = np.arange(len(facet))
+    normals, areas = mesh.face_normals[a_face[chosen]], np.bincount(facet, mesh.face_areas)[chosen]
+    points = mesh.vertices[corners]
+    arms = points - points.mean(axis=1, keepdims=True)
+    ahead = arms[:, :1]
+    left = cross(normals[:, None], ahead)
+    angles = np.arctan2((arms * left).sum(axis=2), (arms * ahead).sum(axis=2))
+    order = np.argsort(angles, axis=1)
+    corners, arms = np.take_along_axis(corners, order, 1), np.take_along_axis(arms, order[..., None], 1)
+    steps = np.roll(arms, -1, axis=1) - arms
+    turns = np.einsum("ksc,kc->ks", cross(steps, np.roll(steps, -1, axis=1)), normals)
+    whole = np.einsum("ksc,kc->k", cross(arms, np.roll(arms, -1, axis=1)), normals) / 2
+    good = (turns > 0).all(axis=1) & (np.abs(whole - areas) < SHAPE_TOLERANCE * areas)
+    return chosen[good], corners[good]
 
 
 def are_corners(mesh: TriangleMesh, chosen: BoolArray) -> BoolArray:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.testing import assert_allclose
 
 from sample_scenes.shapes import tube_mesh
@@ -10,7 +11,7 @@ from skin_calib_addon.geometry import AcrossGrid, TubeGrid, fit_surface
 from skin_calib_addon.geometry.fit.error_field import at_rim, facet_gaps, vertex_normals
 from skin_calib_addon.geometry.mesh.defects import coherent
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cylinder, dome, sheet, welded, with_hole
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cylinder, dome, sheet, subdivided, welded, with_hole
 
 GRID = TubeGrid(8, 16, Z_AXIS, 0.004, "uniform")
 UV = np.random.default_rng(0).uniform(0.02, 0.98, (4000, 2))
@@ -84,6 +85,21 @@ def test_flat_sides_between_fillets_do_not_bulge(steps):
     beyond = np.maximum(out, 0)
     off = np.where((out > 0).any(axis=1), np.hypot(*beyond.T), out.max(axis=1)) - radius
     assert rms(off) < 0.1e-3
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [trimesh.creation.icosphere(2, 0.05), trimesh.creation.capsule(0.06, 0.04, count=(16, 16))],
+    ids=["triangles", "quadrilaterals"],
+)
+def test_divided_facets_have_the_gaps_of_whole_ones(shape):
+    """Vertices inside facets are not on the true surface; with them it followed the facets."""
+    mesh, grid = welded(shape), TubeGrid(8, 16, Z_AXIS, 0.02)
+    whole, divided = (fit_surface(m, grid) for m in (mesh, subdivided(mesh)))
+    before, after = (fit.error_field.surface.points(UV) for fit in (whole, divided))
+    lift = np.linalg.norm(before - whole.surface.points(UV), axis=1).max()
+    assert lift > 0.2e-3
+    assert np.linalg.norm(after - before, axis=1).max() < 0.1 * lift
 
 
 def test_facets_of_a_tube_keep_their_gaps_next_to_a_fillet_across_it():

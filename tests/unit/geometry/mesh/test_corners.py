@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from skin_calib_addon.geometry import weld
-from skin_calib_addon.geometry.mesh.corners import are_corners, facet_corners
+from skin_calib_addon.geometry.mesh.corners import are_corners, facet_corners, undivided
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh
 from tests.shapes import Motion, box, cylinder, subdivided
 
 
@@ -45,3 +46,23 @@ def test_facets_of_faces_have_their_corners(rounds):
     for faces in (right[:1], right[-2:]):
         found = facet_corners(mesh, faces)
         assert found.sum() == 4 and (mesh.vertices[found, 0] == 1).all()
+
+
+def test_undivided_faces_are_whole_facets():
+    """Sixteen faces for each of a box are two again; each face is in its parent, and no area is lost."""
+    whole = box((0, 0, 0), (0.06, 0.05, 0.04))
+    mesh = subdivided(subdivided(whole))
+    faces, parent = undivided(mesh, np.zeros(len(mesh.vertices), bool))
+    again = TriangleMesh(mesh.vertices, faces)
+    assert len(faces) == len(whole.faces) == 12
+    assert_allclose(np.bincount(parent, mesh.face_areas), again.face_areas)
+    assert_allclose(again.face_normals[parent], mesh.face_normals, atol=1e-12)
+    kept, parent = undivided(mesh, np.ones(len(mesh.vertices), bool))
+    assert len(kept) == len(mesh.faces)
+
+
+def test_undivided_keeps_the_rings_of_a_tube():
+    """The vertices on the straight sides of a tube have the normals of the true surface."""
+    tube = cylinder(0.03, 0.1)
+    faces, parent = undivided(tube, np.zeros(len(tube.vertices), bool))
+    assert_array_equal(faces[parent], tube.faces)
