@@ -42,7 +42,7 @@ def _facets(mesh: TriangleMesh) -> IntArray:
     """Return the number of the facet of each face, shape (f,)."""
     a, b = mesh.adjacency
     flat = norms(cross(mesh.face_normals[a], mesh.face_normals[b])) < FLAT_ANGLE
-    return np.unique(components(len(mesh.faces), a[flat], b[flat]), return_inverse=True)[1]
+    return components(len(mesh.faces), a[flat], b[flat])
 
 
 def undivided(mesh: TriangleMesh, fixed: BoolArray) -> tuple[IntArray, IntArray]:
@@ -66,10 +66,12 @@ def undivided(mesh: TriangleMesh, fixed: BoolArray) -> tuple[IntArray, IntArray]
     parent : array of int, shape (f,)
         For each face of the mesh, the new face that contains it.
     """
-    corner = are_corners(mesh, np.ones(len(mesh.vertices), bool))
+    facet = _facets(mesh)
+    examined = np.zeros(len(mesh.vertices), bool)
+    examined[mesh.faces[np.bincount(facet)[facet] > 1]] = True  # all others are corners
+    corner = are_corners(mesh, examined) | ~examined
     if corner.all():
         return mesh.faces, np.arange(len(mesh.faces))
-    facet = _facets(mesh)
     divided = np.zeros(facet.max() + 1, bool)
     divided[facet[~corner[mesh.faces].all(axis=1)]] = True
     face, place = np.nonzero(corner[mesh.faces] & divided[facet, None])
@@ -77,10 +79,10 @@ def undivided(mesh: TriangleMesh, fixed: BoolArray) -> tuple[IntArray, IntArray]
     count = np.bincount(of_facet, minlength=len(divided))
     three, triangles = _convex(mesh, facet, *_polygons(of_facet, vertex, count, 3))
     four, quads = _convex(mesh, facet, *_polygons(of_facet, vertex, count, 4))
-    low, high = np.full(len(corner), len(divided)), np.full(len(corner), -1)
-    np.minimum.at(low, mesh.faces.ravel(), np.repeat(facet, 3))
-    np.maximum.at(high, mesh.faces.ravel(), np.repeat(facet, 3))
-    free = ~fixed[quads].any(axis=1) & np.isin(four, low[low == high])
+    face, place = np.nonzero(~corner[mesh.faces])
+    vertex, around = np.unique(np.column_stack((mesh.faces[face, place], facet[face])), axis=0).T
+    inside = np.bincount(vertex)[vertex] == 1
+    free = ~fixed[quads].any(axis=1) & np.isin(four, around[inside])
     four, quads = four[free], quads[free]
     inside, number = np.nonzero(np.isin(facet, four))[0], np.zeros(len(divided), np.int64)
     number[four] = np.arange(len(four))
