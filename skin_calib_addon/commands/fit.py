@@ -182,7 +182,7 @@ def _folders(targets: list[Path], with_slash: set[Path], has_folder: bool, links
     with_slash : set of Path
         Those whose names end with a slash.
     has_folder : bool
-        Whether the call has a folder or a robot as input: a target without an ending is then a folder.
+        Whether the call has a folder, a robot or several plans as input: a target without an ending is then a folder.
     links : int
         Number of links; several need folders.
 

@@ -95,6 +95,7 @@ class RigidFit:
     after: DistanceStatistics  # after the motion
     verdict: Verdict
     slack: float  # distance that the points can slide before their distances show it [m]; at most the cloud size
+    rival: float  # mean distance in the best different pose [m]; infinite without such a pose
     nearby: "NearbyFit | None" = None  # the best small motion of the points as given; None unless they are "right"
 
     def __post_init__(self):
@@ -229,15 +230,15 @@ def find_frame(mesh: TriangleMesh, points: Array) -> RigidFit:
     exact, cloud = distance_to(mesh), Cloud.of(points)
     before = _statistics(exact, points)
     if before.mean <= ON_MESH_DISTANCE:
-        return _right(before, _slack(mesh, exact, points), fit_nearby(mesh, points))
+        return _right(before, _slack(mesh, exact, points), nearby=fit_nearby(mesh, points))
     best, others = _search(SampledMesh(mesh), cloud)
     moved = cloud.at(best)
     after, slack = _statistics(exact, moved), _slack(mesh, exact, moved)
     rival = min((_statistics(exact, cloud.at(pose)).mean for pose in others), default=np.inf)
     verdict = verdict_of(before.mean, after.mean, rival, slack, cloud.size)
     if verdict == "right":
-        return _right(before, slack, fit_nearby(mesh, points))
-    return RigidFit(best.rotation, best.position - best.rotation @ cloud.centre, before, after, verdict, slack)
+        return _right(before, slack, rival, fit_nearby(mesh, points))
+    return RigidFit(best.rotation, best.position - best.rotation @ cloud.centre, before, after, verdict, slack, rival)
 
 
 def verdict_of(before: float, after: float, rival: float, slack: float, size: float) -> Verdict:
@@ -265,8 +266,10 @@ def verdict_of(before: float, after: float, rival: float, slack: float, size: fl
     return "ambiguous" if has_rival or slack > DISTINCT_FRACTION * size else "moved"
 
 
-def _right(before: DistanceStatistics, slack: float, nearby: NearbyFit) -> RigidFit:
-    return RigidFit(np.eye(3), np.zeros(3), before, before, "right", slack, nearby)
+def _right(
+    before: DistanceStatistics, slack: float, rival: float = np.inf, nearby: NearbyFit | None = None
+) -> RigidFit:
+    return RigidFit(np.eye(3), np.zeros(3), before, before, "right", slack, rival, nearby)
 
 
 @dataclass(frozen=True, eq=False)

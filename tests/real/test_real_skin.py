@@ -171,6 +171,7 @@ def test_arm_in_a_wrong_frame_is_corrected():
     assert fit.verdict == "moved"
     assert_allclose(fit.before.mean, 31.6e-3, rtol=0, atol=0.1e-3)
     assert fit.after.mean <= MeshDistance(mesh)(known)[0].mean()
+    assert fit.rival > 2.5 * fit.after.mean
     assert np.rad2deg(np.arccos((np.trace(fit.rotation @ R.T) - 1) / 2)) < 1
     assert np.linalg.norm(fit(points) - known, axis=1).mean() < 2 * fit.slack < 0.01
 

@@ -48,9 +48,8 @@ def _facets(mesh: TriangleMesh) -> IntArray:
 def undivided(mesh: TriangleMesh, fixed: BoolArray) -> tuple[IntArray, IntArray]:
     """Return faces in which divided facets are whole: a triangle is one face, a convex quadrilateral is two.
 
-    The two faces of a quadrilateral meet at the diagonal that fewer of its faces cross, else at the shorter one. One
-    without vertices inside stays: the sides of a tube keep its rings. Faces of all other facets stay, also where they
-    have vertices on the side of a whole facet.
+    A quadrilateral without vertices inside stays: the sides of a tube keep its rings. Faces of all other facets stay,
+    also where they have vertices on the side of a whole facet.
 
     Parameters
     ----------
@@ -72,49 +71,82 @@ def undivided(mesh: TriangleMesh, fixed: BoolArray) -> tuple[IntArray, IntArray]
     corner = are_corners(mesh, examined) | ~examined
     if corner.all():
         return mesh.faces, np.arange(len(mesh.faces))
-    divided = np.zeros(facet.max() + 1, bool)
-    divided[facet[~corner[mesh.faces].all(axis=1)]] = True
-    face, place = np.nonzero(corner[mesh.faces] & divided[facet, None])
-    of_facet, vertex = np.unique(np.column_stack((facet[face], mesh.faces[face, place])), axis=0).T
-    count = np.bincount(of_facet, minlength=len(divided))
-    three, triangles = _convex(mesh, facet, *_polygons(of_facet, vertex, count, 3))
-    four, quads = _convex(mesh, facet, *_polygons(of_facet, vertex, count, 4))
-    face, place = np.nonzero(~corner[mesh.faces])
-    vertex, around = np.unique(np.column_stack((mesh.faces[face, place], facet[face])), axis=0).T
-    inside = np.bincount(vertex)[vertex] == 1
-    free = ~fixed[quads].any(axis=1) & np.isin(four, around[inside])
+    divided = np.zeros(len(mesh.faces), bool)
+    divided[facet[(~corner)[mesh.faces].any(axis=1)]] = True
+    faces = np.flatnonzero(divided[facet])
+    other_facet, other = _vertices_of(mesh, facet, faces, ~corner)
+    with_inside = other_facet[np.bincount(other)[other] == 1]
+    corner_facet, corners = _vertices_of(mesh, facet, faces, corner)
+    three, triangles = _convex(mesh, facet, *_polygons(corner_facet, corners, 3))
+    four, quads = _convex(mesh, facet, *_polygons(corner_facet, corners, 4))
+    free = ~fixed[quads].any(axis=1) & np.isin(four, with_inside)
     four, quads = four[free], quads[free]
-    inside, number = np.nonzero(np.isin(facet, four))[0], np.zeros(len(divided), np.int64)
-    number[four] = np.arange(len(four))
-    quad = number[facet[inside]]
+    quads, half, in_four = _halves(mesh, facet, four, quads)
+    stays = ~np.isin(facet, np.concatenate((three, four)))
+    faces = np.concatenate((mesh.faces[stays], triangles, quads[:, [0, 1, 2]], quads[:, [2, 3, 0]]))
+    in_three = np.isin(facet, three)
+    parent = np.empty(len(mesh.faces), np.int64)
+    parent[stays] = np.arange(stays.sum())
+    parent[in_three] = stays.sum() + np.searchsorted(three, facet[in_three])
+    parent[in_four] = stays.sum() + len(three) + half
+    return faces, parent
+
+
+def _vertices_of(mesh: TriangleMesh, facet: IntArray, faces: IntArray, chosen: BoolArray) -> tuple[IntArray, IntArray]:
+    """Return pairs of a facet and a chosen vertex of some of its faces, each once, ascending; shapes (p,)."""
+    row, place = np.nonzero(chosen[mesh.faces[faces]])
+    face = faces[row]
+    of_facet, vertex = np.unique(np.column_stack((facet[face], mesh.faces[face, place])), axis=0).T
+    return of_facet, vertex
+
+
+def _halves(
+    mesh: TriangleMesh, facet: IntArray, chosen: IntArray, corners: IntArray
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Divide quadrilaterals at the diagonal that fewer of their faces cross, else at the shorter one.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    facet : array of int, shape (f,)
+        Number of the facet of each face.
+    chosen : array of int, shape (q,)
+        Facets that are quadrilaterals, ascending.
+    corners : array of int, shape (q, 4)
+        Their corners in order.
+
+    Returns
+    -------
+    corners : array of int, shape (q, 4)
+        So that the first and the third are the ends of the diagonal.
+    half : array of int, shape (k,)
+        Half of each face inside: ``q`` if the first three corners, ``len(chosen) + q`` if the others have it.
+    inside : array of int, shape (k,)
+        These faces of the mesh.
+    """
+    inside = np.flatnonzero(np.isin(facet, chosen))
+    quad = np.searchsorted(chosen, facet[inside])
     sides, crossed, lengths = [], [], []
     for start in (0, 1):
-        ends = mesh.vertices[quads[:, [start, start + 2]]]
+        ends = mesh.vertices[corners[:, [start, start + 2]]]
         along = ends[:, 1] - ends[:, 0]
         square = np.einsum("qc,qc->q", along, along)
         left = cross(mesh.face_normals[inside], along[quad]) / square[quad, None]
         side = np.einsum("fkc,fc->fk", mesh.triangles[inside] - ends[quad, :1], left)
         across = (side.min(axis=1) < -SHAPE_TOLERANCE) & (side.max(axis=1) > SHAPE_TOLERANCE)
         sides.append(side.mean(axis=1) > 0)
-        crossed.append(np.bincount(quad, across, len(quads)))
+        crossed.append(np.bincount(quad, across, len(chosen)))
         lengths.append(square)
     other = np.where(crossed[0] == crossed[1], lengths[1] < lengths[0], crossed[1] < crossed[0])
-    quads = np.where(other[:, None], np.roll(quads, -1, axis=1), quads)
     is_left = np.where(other[quad], sides[1], sides[0])
-    stays = ~np.isin(facet, np.concatenate((three, four)))
-    faces = np.concatenate((mesh.faces[stays], triangles, quads[:, [0, 1, 2]], quads[:, [2, 3, 0]]))
-    parent = np.empty(len(mesh.faces), np.int64)
-    parent[stays] = np.arange(stays.sum())
-    number[three] = stays.sum() + np.arange(len(three))
-    in_three = np.isin(facet, three)
-    parent[in_three] = number[facet[in_three]]
-    parent[inside] = stays.sum() + len(three) + quad + is_left * len(four)
-    return faces, parent
+    return np.where(other[:, None], np.roll(corners, -1, axis=1), corners), quad + is_left * len(chosen), inside
 
 
-def _polygons(of_facet: IntArray, vertex: IntArray, count: IntArray, sides: int) -> tuple[IntArray, IntArray]:
-    """Return the facets with so many corners, shape (k,), and their corners, shape (k, sides)."""
-    return np.flatnonzero(count == sides), vertex[count[of_facet] == sides].reshape(-1, sides)
+def _polygons(of_facet: IntArray, vertex: IntArray, sides: int) -> tuple[IntArray, IntArray]:
+    """Return the facets with so many corners, shape (k,), ascending, and their corners, shape (k, sides)."""
+    facet, index, count = np.unique(of_facet, return_inverse=True, return_counts=True)
+    return facet[count == sides], vertex[count[index] == sides].reshape(-1, sides)
 
 
 def _convex(mesh: TriangleMesh, facet: IntArray, chosen: IntArray, corners: IntArray) -> tuple[IntArray, IntArray]:

@@ -88,7 +88,7 @@ def single_faces(mesh: TriangleMesh) -> TriangleMesh:
     TriangleMesh
         The same one if no face is doubled.
     """
-    mesh = _with_doubled(mesh)
+    mesh = _joined_if_doubled(mesh)
     number = without_doubled(mesh)[1]
     if number.max() + 1 == len(number):
         return mesh
@@ -102,8 +102,8 @@ def single_faces(mesh: TriangleMesh) -> TriangleMesh:
     return weld(kept.vertices, kept.faces)
 
 
-def _with_doubled(mesh: TriangleMesh) -> TriangleMesh:
-    """Return a mesh in which faces that are back to back within rounding have the same corners."""
+def _joined_if_doubled(mesh: TriangleMesh) -> TriangleMesh:
+    """Join vertices within rounding if more faces are back to back then; else return the same mesh."""
     joined = rounded(mesh)
     if joined is mesh:
         return mesh
