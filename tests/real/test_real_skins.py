@@ -6,10 +6,21 @@ import numpy as np
 import pytest
 
 from skin_calib_addon.common.errors import InvalidPlan, SkinCalibError
-from skin_calib_addon.geometry import AcrossGrid, AutoGrid, CoverSpec, TubeGrid, cut_cover, fit_grid, load_mesh
+from skin_calib_addon.geometry import (
+    AcrossGrid,
+    AutoGrid,
+    CoverSpec,
+    TubeGrid,
+    cut_cover,
+    fit_grid,
+    fit_surface,
+    load_mesh,
+    weld,
+)
 from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles
 from skin_calib_addon.skin import HexLattice, SheetLattice, board_taxels, lay_boards, sheet_taxels, wrap_sheet
 from tests.real.test_real_links import DATA, FACES, MESHES, fit_of
+from tests.shapes import Motion, shuffled
 
 pytestmark = [
     pytest.mark.slow,
@@ -101,3 +112,37 @@ def test_thin_sheet_asks_for_its_side(grid):
         fit_grid(cover, grid, (3, 3))
     fit = fit_grid(cover, AcrossGrid(8, 8, (0, 0, 1)), (3, 3))
     assert (fit.surface.normals(np.random.default_rng(0).random((200, 2)))[:, 2] > 0.5).all()
+
+
+@pytest.mark.parametrize(
+    ("stem", "side"),
+    [
+        ("icub27_l_upper_leg", 0.008),
+        ("icub27_l_upper_leg", 0.0163),
+        ("hrp4c_r_wrist_y", 0.008),
+        ("hrp4c_r_elbow_p", 0.008),
+        ("jvrc1_r_elbow_p", 0.008),
+    ],
+)
+def test_boards_of_a_real_link_do_not_depend_on_the_last_bits(stem, side):
+    """The same boards at the same places after a motion, another order of the faces, and noise of a nanometre."""
+    path = DATA / f"{stem}.stl"
+    if path not in MESHES:
+        pytest.skip(f"{path.name} is not here")
+
+    def places(mesh):
+        fit = fit_surface(cut_cover(mesh, CoverSpec()), TubeGrid(10, 20))
+        boards, _ = lay_boards(fit.surface, HexLattice(side, 0.0), "fill", None, None, fit=fit)
+        return fit.surface.points(boards.uv)
+
+    mesh, motion, still = load_mesh(path), Motion(3), Motion.none()
+    expected = places(mesh)
+    assert len(expected) > 10
+    changed = [(motion.mesh(mesh), motion), (weld(*shuffled(mesh, 1)), still)]
+    for seed in range(3):
+        noise = np.random.default_rng(seed).normal(0, 1e-9, mesh.vertices.shape)
+        changed.append((weld(mesh.vertices + noise, mesh.faces), still))
+    for moved, by in changed:
+        found = places(moved)
+        assert len(found) == len(expected)
+        np.testing.assert_allclose(found, by.points(expected), rtol=0, atol=1e-6)

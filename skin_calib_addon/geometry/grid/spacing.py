@@ -514,9 +514,8 @@ def equalized_maps(
             return maps, errors
         energy = energy / energy.mean()
         padded = np.concatenate((energy[-1:], energy, energy[:1])) if closed else np.pad(energy, 1, mode="edge")
-        # Rounding removes the last bits of the heights, so that the lines move together with the mesh.
         weight = (padded[:-2] + 2 * energy + padded[2:]) ** ERROR_EXPONENT
-        weight = np.round(np.maximum(weight, MIN_INTERVAL), 4)  # of spans without errors
+        weight = np.maximum(weight, MIN_INTERVAL)  # of spans without errors
         cumulative = np.append(0.0, np.cumsum(weight))
         maps.append((cumulative / cumulative[-1], positions_at(m, np.linspace(0, 1, len(energy) + 1))))
     return maps, [*errors, error(positions_at(maps[-1], fractions), degree)[0]]
