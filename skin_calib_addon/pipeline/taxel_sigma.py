@@ -121,6 +121,7 @@ def registration_of(skin: Skin, patch: Patch, sheet: WrappedSheet | None) -> Reg
             f"The anchor of the registration of skin {skin.name!r}, {millimetres(stated.anchor)}, is "
             f"{height * 1e3:.1f} mm from the skin. Choose a point of the skin, in metres in the link frame.",
             distance=height,
+            place=Place(stated.anchor, skin=skin.name),
         )
     return Registration(stated.origin, stated.direction, stated.anchor)
 

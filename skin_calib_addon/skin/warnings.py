@@ -71,7 +71,7 @@ def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator
             "overlap",
             "warning",
             f"{patch.name} {overlap_words(closure)}.",
-            Place(names=closure.worst_line, skin=patch.name),
+            _closing(closure, patch),
             closure.overlap,
             "Use fewer cells, or a smaller pitch.",
         )
@@ -166,8 +166,13 @@ def check_overlap(patch: Patch, closure: Closure | None) -> None:
             "the overlap",
             overlap=closure.overlap,
             code="overlap",
-            place=Place(names=closure.worst_line, skin=patch.name),
+            place=_closing(closure, patch),
         )
+
+
+def _closing(closure: Closure, patch: Patch) -> Place:
+    """Return where a sheet overlaps itself most."""
+    return Place(point_of(closure.place), closure.worst_line, patch.name)
 
 
 def _place(patch: Patch, which: IntArray, values: Array) -> tuple[Place, float]:

@@ -124,7 +124,8 @@ def test_overlapping_sheet_loses_the_columns_that_overlap(bpy, link, advice):
     skin = link.skin_calib.skins[0]
     skin.columns = 26
     refused(bpy)
-    assert advice.warning_at(link, advice.REFUSAL).code == "overlap"
+    warning = advice.warning_at(link, advice.REFUSAL)
+    assert warning.code == "overlap" and warning.where.point is not None and "Show" in draw(bpy, "status")
     assert press(bpy, advice, link, advice.REFUSAL) == "Fewer Cells"
     assert 18 <= skin.columns < 26 and bpy.ops.skin_calib.fit() == {"FINISHED"}
     assert "overlap" not in {w.code for w in link.skin_calib.result.warnings}

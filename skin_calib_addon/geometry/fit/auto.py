@@ -342,14 +342,17 @@ def refusal(search: "Search", region: Region) -> UnreachableTolerance:
     if np.isinf(least):
         fold = next(warning for warning in nearest.warnings if warning.code == "folded")
         if other is None:
-            return UnreachableTolerance(f"{wrong} without a fold. {fold.message} {fold.advice}")
+            return UnreachableTolerance(f"{wrong} without a fold. {fold.message} {fold.advice}", place=fold.where)
         cause, advice = other
-        return UnreachableTolerance(f"{wrong}, {cause}. {advice[0].upper()}{advice[1:]}. {fold.message}")
+        return UnreachableTolerance(
+            f"{wrong}, {cause}. {advice[0].upper()}{advice[1:]}. {fold.message}", place=fold.where
+        )
     check_fit(replace(nearest, limits=DeviationLimits(least, max(nearest.limits.refused, least))))
     cause, advice = other or limit_of(nearest, least, search.measure)
     return UnreachableTolerance(
         f"{wrong}. The best achievable error is about {least * 1e3:g} mm {cause}. Increase the tolerance, or {advice}.",
         achievable=least,
+        place=maximum_deviation(nearest.mesh, nearest.lines, nearest.basis, nearest.samples, least)[1],
     )
 
 

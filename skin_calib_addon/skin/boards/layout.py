@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidPlan, OutsideSurface, millimetres
+from ...common.warnings import Place, point_of
 from ...geometry.fit.surface_fit import SurfaceFit
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.footpoints import footpoints
@@ -368,6 +369,7 @@ class Layout:
                 "leave it out, or move the origin",
                 cell=cells[first].tolist(),
                 distance=float(missed[first]),
+                place=Place(point_of(self.surface.points(boards.uv[[first]])[0])),
             )
         known = {tuple(cell): i for i, cell in enumerate(complete.cells.tolist())}
         for row, cell in enumerate(map(tuple, cells.tolist())):
@@ -382,7 +384,8 @@ class Layout:
             place = self.surface.points(boards.uv[[i]])[0]
             raise InvalidPlan(
                 f"boards {cells[i].tolist()} and {cells[j].tolist()} overlap by {depths.max() * 1e3:.2f} mm at "
-                f"{millimetres(place)}, the worst of {len(pairs)} pairs; leave one of the two out, or move the origin"
+                f"{millimetres(place)}, the worst of {len(pairs)} pairs; leave one of the two out, or move the origin",
+                place=Place(point_of(place)),
             )
         overhangs = -self.clearances(boards, pose)
         return boards, np.where(overhangs > TOUCH * self.lattice.side, overhangs, 0.0)

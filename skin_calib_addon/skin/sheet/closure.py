@@ -30,6 +30,7 @@ class Closure:
     gaps: Array  # (k,) shortest distance on the surface from the end of each to the sheet one turn later; minus the
     # length by which it is on the sheet where they overlap [m]
     steps: Array  # (k,) offset of the beginning from the end, towards the next row or column [m]
+    place: Array  # (3,) a point of the largest overlap, or the end with the smallest gap [m], link frame
 
     @property
     def overlap(self) -> float:
@@ -91,17 +92,19 @@ def _of_lines(sheet: WrappedSheet, inside: BoolArray, met: Meetings, axis: int) 
         depth = half * np.clip(np.minimum(ahead, behind), 0, None)
         for row in rows:
             np.maximum.at(overlap, row, depth)
+        deepest = node[depth.argmax()].astype(np.int64)
     gaps = -overlap[lines]
     free = lines[gaps == 0]
     if len(free):
         gaps[gaps == 0] = _distances(layer, uv, present, free, last)
     turn = np.copysign(1.0, (uv[2 * lines + 1, 2 * last[lines] + 2] - uv[2 * lines + 1, 2 * first[lines]])[:, 1].sum())
     start, end = uv[2 * lines + 1, 2 * last[lines] + 2], uv[2 * lines + 1, 2 * first[lines]] + (0.0, turn)
+    worst = uv[tuple(deepest)] if overlap.any() else start[gaps.argmin()]
     length, heading, up = shortest_paths(layer, start, end)
     ahead = -shortest_paths(layer, start, uv[2 * lines + 1, 2 * last[lines] + 1])[1]
     hand = np.sign(lattice.step[0]) * (1 if axis else -1)
     steps = hand * length * (heading * cross(up, ahead)).sum(axis=1)
-    return Closure("rows" if axis else "columns", lines, gaps, steps)
+    return Closure("rows" if axis else "columns", lines, gaps, steps, layer.points(worst[None])[0])
 
 
 def _distances(layer: BSplineSurface, uv: Array, present: BoolArray, lines: IntArray, last: IntArray) -> Array:

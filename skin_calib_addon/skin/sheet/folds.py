@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from ...common.arrays import Array, BoolArray, IntArray, cross
 from ...common.errors import InvalidPlan, millimetres
+from ...common.warnings import Place, point_of
 from ...geometry.surface.bspline import BSplineSurface
 from ..lattice import CENTRE, CORNERS, SheetLattice
 
@@ -165,6 +166,7 @@ def check_folds(layer: BSplineSurface, lattice: SheetLattice, uv: Array, inside:
             row=row,
             column=column,
             count=len(which),
+            place=Place(point_of(place)),
         )
     found = meetings(uv, layer, inside.reshape(lattice.rows, lattice.columns), (0,))
     if len(found.node):
@@ -178,4 +180,5 @@ def check_folds(layer: BSplineSurface, lattice: SheetLattice, uv: Array, inside:
             "sheet, rotate its direction, or use fewer cells",
             row=cell[0],
             column=cell[1],
+            place=Place(point_of(place)),
         )

@@ -7,6 +7,7 @@ import numpy as np
 
 from ...common.arrays import Array, IntArray
 from ...common.errors import InvalidPlan, millimetres
+from ...common.warnings import Place, point_of
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.footpoints import footpoints
 from ..lattice import ROUNDING, SheetLattice
@@ -172,5 +173,6 @@ def located(surface: BSplineSurface, points: Array, names: Sequence[str]) -> Arr
             f"{names[i]}, {millimetres(points[i])}, is {distance[i] * 1e3:.1f} mm from the surface. Choose a point on "
             "the mesh that the grid covers, in metres in the link frame.",
             distance=float(distance[i]),
+            place=Place(point_of(points[i])),
         )
     return uv

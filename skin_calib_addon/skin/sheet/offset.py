@@ -3,7 +3,8 @@
 import numpy as np
 
 from ...common.arrays import pairs_of, unit
-from ...common.errors import InvalidPlan
+from ...common.errors import InvalidPlan, millimetres
+from ...common.warnings import Place, point_of
 from ...geometry.sampling.basis import spline_sites
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.distance import sample_lines
@@ -72,8 +73,9 @@ def _check_folds(surface: BSplineSurface, distance: float) -> None:
     both = ((E - distance * L) * (G - distance * N) - (F - distance * M) ** 2) / (E * G - F**2)
     folded = np.flatnonzero((both <= 0) | (trace <= 0))
     if len(folded):
-        place = ", ".join(f"{x * 1e3:.1f}" for x in r[0, 0, folded[0]])
+        place = r[0, 0, folded[0]]
         raise InvalidPlan(
-            f"a skin {distance * 1e3:g} mm above the surface folds near ({place}) mm: the radius of curvature there is "
-            "smaller than the offset. Reduce the offset, or fit a smoother surface"
+            f"a skin {distance * 1e3:g} mm above the surface folds near {millimetres(place)}: the radius of curvature "
+            "there is smaller than the offset. Reduce the offset, or fit a smoother surface",
+            place=Place(point_of(place)),
         )

@@ -93,6 +93,7 @@ def test_warnings_report_skins_that_do_not_fit(tmp_path):
     assert "band overlaps itself by up to 45." in overlap.message
     assert f"(row {row})" in overlap.message and overlap.where.names == f"row {row}"
     assert overlap.where.skin == "band" and 0.045 < overlap.value < 0.046
+    assert np.hypot(*overlap.where.point[:2]) == pytest.approx(RADIUS, abs=1e-4)
     (gap,) = (w for w in warnings if w.code == "board-gap")
     assert "boards of boards have a corner more than 3 mm off the surface" in gap.message
     assert gap.where.skin == "boards" and gap.where.taxels[0] in gap.message and gap.value > 3e-3

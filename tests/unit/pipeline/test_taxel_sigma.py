@@ -103,6 +103,7 @@ def test_anchor_away_from_the_skin_is_an_error(anchor, distance, tmp_path):
     with pytest.raises(InvalidPlan, match="anchor of the registration of skin 'sheet'.* mm from the skin") as found:
         made(SHEET | {"registration": STATED | {"anchor": anchor}}, tmp_path)
     assert found.value.numbers["distance"] * 1e3 > 0.9 * distance
+    assert found.value.numbers["place"].point == tuple(anchor)
 
 
 def test_taxels_of_imported_boards_turn_with_the_frame_only():

@@ -58,6 +58,7 @@ def test_tolerance_below_the_facets_is_refused(wrist):
     achievable = caught.value.numbers["achievable"]
     best = fit_surface(wrist, TubeGrid(20, 60, Z, MARGIN)).errors.surface_to_mesh.mean
     assert_allclose(achievable, best, rtol=0.5)
+    assert np.linalg.norm(wrist.vertices - caught.value.numbers["place"].point, axis=1).min() < 0.005
 
 
 @pytest.mark.parametrize("region", [(Z, MARGIN), (Z, MARGIN, (-1.0, 1.5)), (Z, MARGIN, None, (1.0, 0.0, 0.0))])

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial import cKDTree
 
-from skin_calib_addon.common.errors import InvalidPlan, OutsideSurface
+from skin_calib_addon.common.errors import InvalidPlan, OutsideSurface, millimetres
 from skin_calib_addon.geometry import AcrossGrid, TubeGrid, cut_cover, fit_grid, fit_surface, load_mesh
 from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh
@@ -191,8 +191,9 @@ def test_boards_that_overlap_are_an_error():
     with pytest.raises(
         InvalidPlan,
         match=r"boards \[-4, 0\] and \[5, 0\] overlap by \d+\.\d\d mm at \(.*\) mm, the worst of 1 pairs; leave one",
-    ):
+    ) as error:
         lay_boards(surface, lattice, [(q, 0) for q in range(-4, 6)], (0.04, 0, 0.05), (0, 1, 0))
+    assert millimetres(error.value.numbers["place"].point) in str(error.value)
 
 
 def test_boards_that_filled_a_wrist_are_placed_again_as_a_list():
@@ -273,8 +274,9 @@ def test_given_boards_are_placed_and_their_overhang_returned():
     assert_allclose(overhang, (0, 0, max(protrusion, 0)), rtol=0, atol=1e-9)
     with pytest.raises(
         OutsideSurface, match=r"board \[9, 0\] lies \d+\.\d mm beyond the edge u = 1 of the surface, the first of 1"
-    ):
+    ) as error:
         lay_boards(FLOOR, SMALL, ((0, 0), (9, 0)), (0.05, 0.04, 0), (1, 0, 0))
+    assert_allclose(error.value.numbers["place"].point, (0.1, 0.04, 0), rtol=0, atol=1e-9)  # on the edge
 
 
 def test_curved_surface_is_filled_within_its_edges():

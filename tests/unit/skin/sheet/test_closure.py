@@ -40,6 +40,17 @@ def test_closure_of_a_helix_has_a_step(hand):
     assert_allclose(found.steps, -sign * aside, rtol=0, atol=3e-5)
 
 
+@pytest.mark.parametrize("climb", [0.0, 0.04, -0.04])
+def test_place_of_the_largest_overlap_has_cells_of_both_ends(climb):
+    """Of an inclined row, one end is on another row, and the other end is free."""
+    heading = (0, np.cos(climb), np.sin(climb))
+    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(2, 24, SQUARE), (RADIUS, 0, 0.05), heading)
+    found, taxels = closure(sheet), sheet_taxels(sheet, "skin")
+    assert found.overlap > 0.01
+    near = taxels.index[np.linalg.norm(taxels.positions_link - found.place, axis=1) < 0.0075, 1]
+    assert near.min() < 4 and near.max() > 19
+
+
 def test_closure_of_columns_and_of_a_short_sheet():
     """With rows along the axis, the columns close. On a cone the gap grows with the radius; a short sheet has none."""
     sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(21, 4, SQUARE), None, (0, 0, 1))
@@ -78,12 +89,13 @@ def test_long_paths_are_those_of_the_developed_cone():
 def test_overlap_of_a_tenth_of_a_cell_is_refused(cells, is_refused):
     """The message names the columns that are too many: one for 0.15 cells, two for 1.15."""
     sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(3, 22, SQUARE), None, (0, 1, 0))
-    lapped = Closure("rows", np.arange(3), -cells * np.array((0.0, 0.01, 0.005)), np.zeros(3))
+    lapped = Closure("rows", np.arange(3), -cells * np.array((0.0, 0.01, 0.005)), np.zeros(3), np.ones(3))
     patch = Patch("skin", "sheet", "s", (3, 22), SQUARE, sheet_taxels(sheet, "skin"))
     if not is_refused:
         return check_overlap(patch, lapped)
-    with pytest.raises(InvalidPlan, match=f"Use {np.ceil(cells):.0f} fewer columns"):
+    with pytest.raises(InvalidPlan, match=f"Use {np.ceil(cells):.0f} fewer columns") as error:
         check_overlap(patch, lapped)
+    assert error.value.numbers["place"].point == (1.0, 1.0, 1.0)
 
 
 HEADINGS = np.deg2rad([-80, -60, -45, -30, -10, 0, 5, 20, 40, 45, 50, 70, 90])

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.interpolate import make_lsq_spline
 from scipy.spatial.distance import pdist
 
-from skin_calib_addon.common.errors import InvalidPlan, SkinCalibError
+from skin_calib_addon.common.errors import InvalidPlan, SkinCalibError, millimetres
 from skin_calib_addon.geometry import BSplineSurface
 from skin_calib_addon.geometry.surface.bspline import clamped_knots, greville
 from skin_calib_addon.skin import Landmark, SheetLattice, sheet_taxels, wrap_sheet
@@ -101,6 +101,7 @@ def test_reflected_part_of_a_sheet_is_turned_over(hand):
     ) as e:
         checked(lattice, folded(0.08))
     assert (e.value.numbers["row"], e.value.numbers["column"], e.value.numbers["count"]) == (0, 4, 12)
+    assert millimetres(e.value.numbers["place"].point) in str(e.value)
     surface, uv = on_plane(lattice, folded(0.09))  # in the middle of column 4: one of its halves is turned over
     assert np.flatnonzero(turned_over(surface, lattice, uv)).tolist() == [
         7 * i + j for i in range(4) for j in (4, 5, 6)
@@ -135,8 +136,11 @@ def test_parts_that_are_not_adjacent_may_not_be_in_one_place():
         return place
 
     assert not checked(lattice, ring(6.0)).any()
-    with pytest.raises(InvalidPlan, match=r"cells \(0, 0\) and \(0, 3[67]\) are both at \(.*\) mm: the sheet overlaps"):
+    with pytest.raises(
+        InvalidPlan, match=r"cells \(0, 0\) and \(0, 3[67]\) are both at \(.*\) mm: the sheet overlaps"
+    ) as e:
         checked(lattice, ring(6.8))
+    assert millimetres(e.value.numbers["place"].point) in str(e.value)
     without_end = lattice.index[:, 1] < 36
     checked(lattice, ring(6.8), without_end)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.common.errors import InvalidPlan, millimetres
 from skin_calib_addon.geometry import AcrossGrid, TubeGrid, fit_surface
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
 from skin_calib_addon.skin.sheet.offset import offset_surface
@@ -42,8 +42,9 @@ def test_no_offset_is_the_surface_itself():
 @pytest.mark.parametrize(("distance", "sign"), [(-0.04, "-40"), (-0.2, "-200")])
 def test_offset_beyond_the_radius_is_refused(distance, sign):
     """Inside a tube of 35 mm the parallel surface turns inside out; the error names the position."""
-    with pytest.raises(InvalidPlan, match=rf"a skin {sign} mm above the surface folds near \(.*\) mm"):
+    with pytest.raises(InvalidPlan, match=rf"a skin {sign} mm above the surface folds near \(.*\) mm") as error:
         offset_surface(cone_surface(RADIUS, RADIUS), distance)
+    assert millimetres(error.value.numbers["place"].point) in str(error.value)
 
 
 @pytest.mark.parametrize("offset", [-0.001, 0.0005, 0.002])
