@@ -1,13 +1,16 @@
 """Single links: what ``propose`` chooses for a mesh without any setting, and how well the plan fits.
 
-    python benchmarks/proposals.py [--skin hexagons] [--only G1]
+    python benchmarks/proposals.py [--skin hexagons] [--only G1] [--write]
 
-For each of eight real links of the data folder it prints a row: surfaces and taxels, the fraction of the visible area
-that they cover, the worst mean and the worst maximum distance from a surface to the mesh, the warnings, and the
-seconds. Below the table it prints the reasons of each proposal.
+For each of eight real links of the data folder it prints a row. First the proposal: its surfaces, the largest of them
+with its axis or direction, mean and maximum deviation of the least exact surface, and the warnings of the fit. Then the
+area that can be seen from outside, the part of it with skin, and why the rest has none. Last, for comparison, a tube of
+10 u-planes and 20 lines, the first values of the window. Below the table it prints the time and the reasons of each
+proposal. With ``--write`` the table goes into the documentation.
 """
 
 import argparse
+import re
 import sys
 from collections import Counter
 from pathlib import Path
@@ -16,11 +19,15 @@ from time import perf_counter
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT)]
 
-from skin_calib_addon.geometry import load_mesh  # noqa: E402
+from skin_calib_addon.common.errors import SkinCalibError  # noqa: E402
+from skin_calib_addon.geometry import CoverSpec, TubeGrid, load_mesh  # noqa: E402
 from skin_calib_addon.pipeline import calibrate  # noqa: E402
+from skin_calib_addon.plan.plan import Plan, Surface  # noqa: E402
 from skin_calib_addon.proposal.links import Task, propose_task  # noqa: E402
 from skin_calib_addon.proposal.skins import DEFAULT_SKIN, parse_skin  # noqa: E402
 
+PAGE = ROOT / "docs" / "how-to" / "links.md"
+MARKS = "<!-- begin of the table -->\n", "<!-- end of the table -->\n"  # in the page
 MESHES = ROOT.parent / "shared" / "data" / "meshes"
 LINKS = {
     "HRP-4C wrist": "hrp4c_r_wrist_y",
@@ -32,7 +39,11 @@ LINKS = {
     "G1 wrist": "g1_left_wrist_roll",
     "G1 foot": "g1_left_ankle_roll_foot",
 }
-COLUMNS = "link | surfaces; taxels | covered | mean, max [mm] | warnings | propose, fit [s]"
+COLUMNS = (
+    "link | surfaces; boards | the largest | mean, max [mm] | warnings | seen, covered [cm²] "
+    "| not covered [cm²]: closed in, no board fits, no surface | a plain tube: mean, max [mm]; warnings"
+)
+LEFT_OUT = r"(\d+) cm\^2, left out"  # in the reasons of a plan
 
 
 def main() -> None:
@@ -40,39 +51,90 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--skin", default=DEFAULT_SKIN)
     parser.add_argument("--only", default="", help="links whose name has this text")
+    parser.add_argument("--write", action="store_true", help="the table into the documentation")
     options = parser.parse_args()
+    files = {name: MESHES / f"{stem}.stl" for name, stem in LINKS.items() if options.only.lower() in name.lower()}
+    if missing := [file.name for file in files.values() if not file.exists()]:
+        sys.exit(f"{MESHES} does not have {', '.join(missing)}")
     choice, reasons = parse_skin(options.skin), {}
-    print(f"| {COLUMNS} |\n|{'---|' * len(COLUMNS.split('|'))}")
-    for name, stem in LINKS.items():
-        file = MESHES / f"{stem}.stl"
-        if options.only.lower() in name.lower() and file.exists():
-            row, reasons[name] = judged(file, choice)
-            print(f"| {name} | {' | '.join(row)} |", flush=True)
+    table = [f"| {COLUMNS} |", f"|{'---|' * len(COLUMNS.split('|'))}"]
+    print(*table, sep="\n")
+    for name, file in files.items():
+        row, reasons[name] = judged(file, choice)
+        table.append(f"| {name} | {' | '.join(row)} |")
+        print(table[-1], flush=True)
     for name, lines in reasons.items():
         print("", name, *(f"- {line}" for line in lines), sep="\n")
+    if options.write:
+        text = PAGE.read_text(encoding="utf-8")
+        before, _, rest = text.partition(MARKS[0])
+        lines = "\n".join(table)
+        PAGE.write_text(f"{before}{MARKS[0]}\n{lines}\n\n{MARKS[1]}{rest.partition(MARKS[1])[2]}", encoding="utf-8")
 
 
 def judged(file, choice):
-    """Return the cells of a row after its name, and the reasons of the proposal."""
+    """Return the cells of a row after its name, and the time and the reasons of the proposal."""
     start = perf_counter()
-    outcome = propose_task(Task(file, "m", file.stem, choice))
-    proposed = perf_counter()
-    found = outcome.proposal
-    if found is None or found.plan is None:
-        return ["none", "", "", outcome.problem or found.reasons[-1], f"{proposed - start:.1f}"], ()
+    found = proposed(file, choice)
+    middle = perf_counter()
+    if found.plan is None:
+        return ["none", "", "", found.reasons[-1], "", "", plain(file)], found.reasons
     result = calibrate(found.plan, load_mesh(file, "m"))
-    seconds = perf_counter() - proposed
-    errors = [fit.errors.surface_to_mesh for fit in result.fits.values()]
-    kinds = Counter(type(surface.grid.region).__name__.lower() for surface in found.plan.surfaces)
-    warned = Counter(warning.code for warning in result.warnings)
+    seconds = f"{middle - start:.1f} s to propose, {perf_counter() - middle:.1f} s to fit"
+    kinds = Counter(kind_of(surface) for surface in found.plan.surfaces)
+    no_board = sum(int(n) for n in re.findall(LEFT_OUT, "\n".join(found.reasons)))
+    seen, free, covered = (round(area * 1e4) for area in (found.seen, found.free, found.covered))
     cells = [
         f"{', '.join(f'{n} {kind}' for kind, n in kinds.items())}; {found.taxels}",
-        f"{found.covered / found.seen:.0%}",
-        f"{max(e.mean for e in errors) * 1e3:.3f}, {max(e.max for e in errors) * 1e3:.2f}",
-        ", ".join(f"{n} {code}" for code, n in warned.items()) or "none",
-        f"{proposed - start:.1f}, {seconds:.1f}",
+        largest(found.plan),
+        errors_of(result),
+        warnings_of(result),
+        f"{seen}, {covered}",
+        f"{seen - free}, {no_board}, {free - covered - no_board}",
+        plain(file),
     ]
-    return cells, found.reasons
+    return cells, (seconds, *found.reasons)
+
+
+def proposed(file, choice):
+    """Return the proposal for a mesh."""
+    outcome = propose_task(Task(file, "m", file.stem, choice))
+    if outcome.proposal is None:
+        sys.exit(f"{file.name}: {outcome.problem}")
+    return outcome.proposal
+
+
+def plain(file):
+    """Return errors and warnings of a tube of 10 u-planes and 20 lines, or why it is refused."""
+    plan = Plan(file.stem, file, "m", (Surface(CoverSpec(), TubeGrid(10, 20)),), ())
+    try:
+        result = calibrate(plan, load_mesh(file, "m"))
+    except SkinCalibError as error:
+        return f"refused: `{error.numbers.get('code', type(error).__name__)}`"
+    return f"{errors_of(result)}; {warnings_of(result)}"
+
+
+def kind_of(surface):
+    """Return the kind of the grid of a surface: tube, sector or across."""
+    return type(surface.grid.region).__name__.lower()
+
+
+def largest(plan):
+    """Return the first surface of a plan, which is the largest, with its axis or direction."""
+    region = plan.surfaces[0].grid.region
+    words, direction = ("towards", region.normal) if hasattr(region, "normal") else ("about", region.axis.direction)
+    return f"{kind_of(plan.surfaces[0])} {words} ({', '.join(f'{round(x, 2) + 0.0:.2f}' for x in direction)})"
+
+
+def errors_of(result):
+    """Return mean and maximum deviation of the least exact surface [mm]."""
+    errors = [fit.errors.surface_to_mesh for fit in result.fits.values()]
+    return f"{max(e.mean for e in errors) * 1e3:.3f}, {max(e.max for e in errors) * 1e3:.2f}"
+
+
+def warnings_of(result):
+    """Return the codes of the warnings with their numbers."""
+    return ", ".join(f"{n} `{code}`" for code, n in Counter(w.code for w in result.warnings).items()) or "none"
 
 
 if __name__ == "__main__":
