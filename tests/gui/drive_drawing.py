@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 from buttons import press
 from mathutils import Vector
-from sample import follow, hover_view, link, open_steps, ours, plan
+from sample import follow, hover_view, link, open_steps, ours, pink, plan
 
 # Cosine between a cell's normal and the direction to the eye above which its outline is looked at.
 MIN_FACING = 0.15
@@ -79,12 +79,6 @@ def has_one_measure_of_the_error(gui):
     yield from gui.redraw(2)
     assert pink(gui) == 0
     plan().inspect.heat = "NONE"
-
-
-def pink(gui):
-    """Return the number of pixels with the colour of the mark."""
-    r, g, b = gui.pixels("VIEW_3D").astype(int).transpose(2, 0, 1)
-    return int(((r > 230) & (g < 80) & (b > 180)).sum())
 
 
 def draws_complete_outlines(gui):

@@ -6,6 +6,8 @@ docs/tutorial/real_links.md.
 
 import json
 import os
+import re
+from pathlib import Path
 
 import bpy
 from buttons import find, open_line, open_tab, press
@@ -13,12 +15,19 @@ from drive_robot import active, links, proposed, running, selects_a_row
 from mathutils import Vector
 from sample import hover_view, ours
 
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "tutorial" / "real_links.md"
+
 
 def drive(gui):
     part, path = gui.args
     yield from hover_view(gui)
     yield from open_tab(gui, "Skin")
     yield from {"limb": limb, "sole": sole, "robot": robot}[part](gui, path)
+
+
+def states(words):
+    """Check that the page has these words, whose numbers are those of the window."""
+    assert words in " ".join(PAGE.read_text(encoding="utf-8").split()), f"the page does not state: {words}"
 
 
 def plan():
@@ -67,7 +76,10 @@ def limb(gui, path):
     yield from press(gui, "skin_calib.diagnose")
     yield from gui.redraw(3)
     found = " ".join(finding.message for finding in plan().diagnosis.findings)
-    assert "part" in found and "These settings fit" in found, found
+    assert "These settings fit" in found, found
+    states(re.search(r"\d+ edges with more than two faces", found)[0])
+    parts, hidden = re.search(r"(\d+) connected parts, (\d+) of them mostly within", found).groups()
+    states(f"{parts} parts, of which {hidden} are mostly within")
     yield from gui.shot("1_limb.png", area="VIEW_3D")
     yield from open_line(gui, lambda: plan().steps, "cut")
     yield from press(gui, "skin_calib.cut_place")
@@ -88,6 +100,8 @@ def limb(gui, path):
     yield from types(gui, "skin_calib.skins[0].rows", "5")
     yield from fitted(gui, 100)
     assert not plan().result.warnings, [warning.message for warning in plan().result.warnings]
+    gaps = ours("scene.results").find(plan().result.key).placed[0].closure.gaps * 1e3
+    states(f"{200 + gaps.min():.0f} mm to {200 + gaps.max():.0f} mm long")
     yield from gui.shot("3_sheet.png", area="VIEW_3D")
     yield from exports(gui, 100)
 
@@ -113,11 +127,13 @@ def sole(gui, path):
     assert plan().grid.kind == "across", plan().grid.kind
     yield from fits(gui, "fit")
     assert plan().result.mean < 3e-4, plan().result.mean
+    missed = re.search(r"([\d.]+)% of the sample rays", " ".join(w.message for w in plan().result.warnings))[1]
+    states(f"{float(missed):.0f} % of the rays miss the mesh")
     yield from press(gui, "skin_calib.skin_add(kind='hexagons'")
     yield from types(gui, "skin_calib.skins[0].side_mm", "8")
     yield from fits(gui, "skin")
     count = plan().result.taxels
-    assert count > 25, count
+    states(f"{count} boards with sides of 8 mm")
     yield from hover_view(gui)
     yield from gui.key("NUMPAD_7", "ctrl")  # from below
     yield 1.0
@@ -136,7 +152,7 @@ def sole(gui, path):
 
 
 def robot(gui, path):
-    """The button Robot, a row of the list, Propose, Export Robot."""
+    """The button Robot, a row of the list, Propose, a changed plan, Fit All, Export Robot."""
     yield from press(gui, "skin_calib.import_robot")
     yield from gui.choose_file(path)
     yield from gui.wait(lambda: len(links()) > 30, 120, "the robot")
@@ -147,6 +163,12 @@ def robot(gui, path):
     assert plan().result.taxels == plan().proposed > 10
     yield from gui.redraw(3)
     yield from gui.shot("6_robot.png", area="VIEW_3D")
+    last = len(plan().skins) - 1
+    yield from press(gui, f"skin_calib.skin_remove(index={last}")
+    assert plan().result.outdated and len(plan().skins) == last
+    yield from press(gui, "skin_calib.fit_all")
+    yield from gui.wait(lambda: not plan().result.outdated and not running(), 180, "Fit All")
+    assert 0 < plan().result.taxels < plan().proposed
     folder = gui.out / "robot"
     folder.mkdir(exist_ok=True)
     (folder / "robot.json").unlink(missing_ok=True)

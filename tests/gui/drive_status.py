@@ -1,9 +1,8 @@
 """Drives the state of a link: a refused fit, its place, the button that mends it; steps that close; no scrolling."""
 
 from buttons import press
-from sample import hover_view, plan
+from sample import hover_view, pink, plan
 
-PINK = (255, 51, 204)  # of the mark, drawn over everything
 WIDTHS = 500, 250, 170  # of the sidebar, at which its texts are looked at [pixel]
 
 
@@ -57,12 +56,6 @@ def refuses_with_a_place(gui):
     yield from gui.redraw(3)
     yield from gui.shot("refused.png")
     assert pink(gui) > before + 50, "the place of the refusal is not marked"
-
-
-def pink(gui):
-    """Return the number of pixels of the view that have the colour of the mark."""
-    width = gui.region("UI").x - gui.area().x
-    return int((abs(gui.pixels("VIEW_3D")[:, :width, :3].astype(int) - PINK).max(axis=2) < 40).sum())
 
 
 def stays_while_scrolled(gui):

@@ -5,6 +5,8 @@ import sys
 import bpy
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 
+PINK = (255, 51, 204)  # of the mark of a place, drawn over everything
+
 
 def ours(name):
     """Return the module of the extension with this name below ``blender``, for example "live.updates"."""
@@ -40,6 +42,12 @@ def red(gui):
     width = gui.region("UI").x - gui.area().x
     r, g, b = gui.pixels("VIEW_3D")[:, :width].astype(int).transpose(2, 0, 1)
     return int(((r > 180) & (g < 90) & (b < 90)).sum())
+
+
+def pink(gui):
+    """Return the number of pixels of the 3D view, without those under the sidebar, with the colour of the mark."""
+    width = gui.region("UI").x - gui.area().x
+    return int((abs(gui.pixels("VIEW_3D")[:, :width, :3].astype(int) - PINK).max(axis=2) < 40).sum())
 
 
 def hover_view(gui):
