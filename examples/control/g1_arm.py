@@ -2,9 +2,9 @@
 
     python examples/control/g1_arm.py [--urdf g1_29dof_rev_1_0.urdf] [--seeds 20]
 
-The controller and two of the experiments are those of ``arm.py``: a contact that moves inward, and an obstacle that
-comes near. ``skin-calib fit --propose`` covers the link of the elbow; its cells measure distances, too. The pelvis is
-held.
+The controller and three of the experiments are those of ``arm.py``: a contact that moves inward, an obstacle that comes
+near, and something hot. ``skin-calib fit --propose`` covers the link of the elbow; its cells measure distances, too.
+The pelvis is held.
 """
 
 from dataclasses import dataclass
@@ -26,9 +26,14 @@ HAND_AT = (0.1, 0.0, 0.0)  # in its link [m]
 START = np.array((0.2, -0.3, 0.0, 0.4, 0.0, 0.0, 0.0))  # [rad]
 ARM_STIFFNESS = 200.0  # of the servos of the arm, as in arm.py [N m/rad]
 FRICTION = 0.7  # of skin and probes
-VARIANTS = {"contacts": ("stiff", "yields"), "near": ("hand only", "null space", "first")}
-RADIUS = {"contacts": 0.02, "near": BALL}  # of the probe [m]
-NAMES = {"contacts": "a contact moves 6 cm inward", "near": "an obstacle comes 3 cm into the arm's place"}
+ORDERS = ("hand only", "null space", "first")  # of the task that flees
+VARIANTS = {"contacts": ("stiff", "yields"), "near": ORDERS, "heat": ORDERS}
+RADIUS = {"contacts": 0.02, "near": BALL, "heat": BALL}  # of the probe [m]
+NAMES = {
+    "contacts": "a contact moves 6 cm inward",
+    "near": "an obstacle comes 3 cm into the arm's place",
+    "heat": "a burner of 180 °C comes near",
+}
 Array = np.ndarray
 
 
@@ -130,9 +135,11 @@ def main() -> None:
             spread([r["force"].max() for r in runs]),
             spread([1e3 * r["gap"].min() for r in runs]),
             spread([1e3 * r["hand"].max() for r in runs]),
+            spread((r["heat"].max() for r in runs), 1) if kind == "heat" else "",
         )
         rows.append((f"{NAMES[kind]}: {variant}", *texts))
-    report(given, ("experiment", "contact", "peak force [N]", "smallest distance [mm]", "hand moves [mm]"), rows)
+    heads = ("experiment", "contact", "peak force [N]", "smallest distance [mm]", "hand moves [mm]", "hottest [°C]")
+    report(given, heads, rows)
     draw(results, given.out / "g1_arm.png", NAMES)
 
 

@@ -537,7 +537,7 @@ def test_g1_lands_softly_by_the_distances_below_its_feet(g1_feet):
 
 
 @pytest.mark.slow
-def test_g1_forearm_yields_to_a_contact_and_shrinks_back_before_one(tmp_path):
+def test_g1_forearm_yields_to_a_contact_and_shrinks_back_before_one_and_from_heat(tmp_path):
     from g1 import URDF, propose
     from g1_arm import LINK, G1Case, run
 
@@ -560,3 +560,5 @@ def test_g1_keeps_its_balance_by_the_skin_that_was_proposed_for_its_feet(g1_feet
     off = np.linalg.norm(zmps[:, 0] - zmps[:, 2], axis=1)
     assert stands and np.ptp(zmps[:, 2, 0]) > 0.03
     assert off.mean() < 0.004 and np.percentile(off, 95) < 0.008
+    burns, cool = (run(G1Case("heat", kind, 0, URDF, tmp_path)) for kind in ("hand only", "first"))
+    assert cool["heat"].max() < burns["heat"].max() - 10 and cool["gap"].min() > burns["gap"].min()
