@@ -138,8 +138,8 @@ def white_at(gui, points):
 
 
 def redraws_for_new_pictures_only(gui):
-    """A change with Live on requests two draws, of the preview and of the result. Blender draws the change, too: it draws
-    the whole window when a property of an extension changes.
+    """A change with Live on requests two draws, of the preview and of the result. Blender draws the change, too: it
+    draws the whole window when a property of an extension changes.
     """
     bpy.context.preferences.system.viewport_aa = "OFF"  # which draws each picture eight times
     yield from follow(gui)
