@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from biped import FLAT, Biped, Faults
+from biped import FLAT, PERIOD, Biped, Faults
 from experiment import arguments, film_both, report, run_all, spread
 from walker import Gains, Walker
 
@@ -38,6 +38,7 @@ class Case:
     ground: str
     source: str
     seed: int
+    period: float = PERIOD  # of the control [s]
 
     @property
     def angle(self) -> float:
@@ -56,7 +57,8 @@ class Result:
 
 def push(case: Case, impulse: float, each: Callable[[Biped], None] | None = None) -> tuple[bool, Array]:
     """Return whether the robot stands after a push [N s], and the ZMPs (n, 2, 2) by skin and by ankles."""
-    robot = Biped(GROUND[case.ground], case.seed, Faults(sensitivity=SENSITIVITY), proximity=False)
+    faults = Faults(sensitivity=SENSITIVITY)
+    robot = Biped(GROUND[case.ground], case.seed, faults, proximity=False, period=case.period)
     walker = Walker(robot, [], gains=TABLE_2, source=case.source, feels=case.source == "skin")
     direction = np.array((np.cos(case.angle), np.sin(case.angle), 0.0))
     while robot.data.time < END and not robot.fallen:

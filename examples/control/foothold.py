@@ -60,6 +60,11 @@ class Foothold:
         self.solid = np.zeros(len(self.places), bool)  # pressed since the landing
         self.inside = np.zeros(len(self.places), bool)  # the hull of these, which supports the foot
 
+    @property
+    def centroid(self) -> Array:
+        """Where the ZMP is planned (2,), from the centre of the sole [m]."""
+        return self.area.centroid
+
     def update(self, frame: Frame, slope: Array) -> bool:
         """Learn from one frame; return whether the area has changed.
 

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from biped import PERIOD, Biped
+from biped import FLAT, PERIOD, Biped
 from diagrams import ASSUMED, draw_walks
 from experiment import arguments, film_both, report, run_all, spread, stands_and_steps
-from foothold import full_sole
+from foothold import Foothold, full_sole
 from shapes import HALF_SIZE
 from walker import Gait, Walker, forward_steps, walk
 
@@ -38,10 +38,11 @@ SCENES = {
 class Case:
     """One walk."""
 
-    scene: str
+    scene: str  # of SCENES; any other name: flat ground
     feels: bool
     seed: int
     period: float = PERIOD  # of the control [s]
+    foothold: type[Foothold] = Foothold  # how a foot learns what bears it
 
 
 @dataclass(frozen=True)
@@ -82,8 +83,9 @@ def terrain(scene: str) -> str:
 
 def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Result:
     """Walk."""
-    robot = Biped(terrain(case.scene), case.seed, proximity=False, period=case.period)
-    walker = Walker(robot, forward_steps(STEPS, STEP, WIDTH), GAIT, feels=case.feels)
+    ground = terrain(case.scene) if case.scene in SCENES else FLAT
+    robot = Biped(ground, case.seed, proximity=False, period=case.period)
+    walker = Walker(robot, forward_steps(STEPS, STEP, WIDTH), GAIT, feels=case.feels, foothold=case.foothold)
     area = 1.0
 
     def look(robot: Biped) -> None:

@@ -51,6 +51,7 @@ class Case:
     speed: float  # of landing without proximity [m/s]
     seed: int
     period: float = PERIOD  # of the control [s]
+    compliance: Proximity = Proximity()  # of a foot with proximity
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ def run(case: Case, each: Callable[[Biped], None] | None = None) -> tuple[bool, 
     robot = Biped(GROUND[case.ground], seed=case.seed, proximity=case.proximity, period=case.period)
     gait = Gait(landing_speed=case.speed, lift=LIFTS[case.ground])
     steps = forward_steps(case.steps, STEP, WIDTH)
-    walker = Walker(robot, steps, gait, proximity=Proximity() if case.proximity else None)
+    walker = Walker(robot, steps, gait, proximity=case.compliance if case.proximity else None)
     judge = Judge(walker, dict.fromkeys(FEET, SOLE_CENTRE))
 
     def look(robot: Biped) -> None:

@@ -1,28 +1,34 @@
-"""Control and skins at 1 kHz instead of 250 Hz: landings, partial footholds, and the ZMP of a walk.
+"""Control and skins at 1 kHz instead of 250 Hz: landings, partial footholds, a walk, balance, wrenches.
 
     python examples/control/rates.py [--seeds 20]
 
-The same runs as of ``landing.py``, ``footholds.py`` and ``faults.py``, with both rates. Readings are one cycle late
-with both: 4 ms at 250 Hz and 1 ms at 1 kHz. The noise of a reading is the same.
+The same runs as of ``landing.py``, ``footholds.py``, ``faults.py``, ``wrenches.py`` and ``balance.py``, with both
+rates. Readings are one cycle late with both: 4 ms at 250 Hz and 1 ms at 1 kHz. The noise of a reading is the same.
 """
 
 from collections.abc import Iterable
+from itertools import islice
 from typing import Any
 
+import balance
 import faults
 import footholds
 import landing
+import numpy as np
+import wrenches
 from biped import PERIOD, TIME_STEP
 from experiment import arguments, count, report, run_all, spread
 
 PERIODS = {"250 Hz": PERIOD, "1 kHz": TIME_STEP}  # [s]
 STEPS, SPEED = 3, 0.4  # of the landings on flat ground [1, m/s]
 SCENES = ("front half", "inner half", "30 %")
-RUNS = {landing.Case: landing.run, footholds.Case: footholds.run, faults.Case: faults.run}
+CONES = {"full": "the full sole", "felt": "the felt polygon"}
+ROWS = ("no proximity", "proximity", *SCENES, "walk", *CONES, "balance")
+RUNS = {module.Case: module.run for module in (landing, footholds, faults, wrenches, balance)}
 
 
 def run(case: Any) -> Any:
-    """Return the result of a case of one of the three scripts."""
+    """Return the result of a case of one of the scripts."""
     return RUNS[type(case)](case)
 
 
@@ -32,6 +38,10 @@ def cases_of(name: str, seeds: Iterable[int], period: float) -> list[Any]:
         return [footholds.Case(name, True, seed, period) for seed in seeds]
     if name == "walk":
         return [faults.Case("none", True, 2, seed, period) for seed in seeds]
+    if name in CONES:
+        return [wrenches.Case(name, seed, period) for seed in islice(seeds, 1)]  # it takes minutes at 1 kHz
+    if name == "balance":  # each direction counts equally
+        return [balance.Case("full sole", "skin", seed, period) for seed in islice(seeds, balance.DIRECTIONS)]
     return [landing.Case("flat", name == "proximity", STEPS, SPEED, seed, period) for seed in seeds]
 
 
@@ -48,18 +58,26 @@ def column(results: dict[str, list[Any]]) -> dict[str, str]:
         texts[f"foothold, {scene}: area that is felt [%]"] = spread(100 * walk.area for walk in results[scene])
     texts["walk of 2 steps: stands"] = count(walk.stands for walk in results["walk"])
     texts["walk: felt ZMP to true ZMP [mm]"] = spread((1e3 * walk.apart for walk in results["walk"]), 1)
+    for cone, words in CONES.items():
+        texts[f"cone of {words}: stands"] = count(shift.stands for shift in results[cone])
+        texts[f"cone of {words}: right sole tips"] = count(shift.tilt > wrenches.TIPPED for shift in results[cone])
+    texts["cone of the felt polygon: ZMP off by [mm]"] = spread((1e3 * shift.off for shift in results["felt"]), 1)
+    searches = results["balance"]
+    texts["balance, full sole: largest push [N s]"] = spread((search.survived for search in searches), 1)
+    apart = 1e3 * np.concatenate([search.apart for search in searches])
+    percentiles = f"{np.nanmean(apart):.1f} / {np.nanpercentile(apart, 95):.1f} / {np.nanmax(apart):.1f}"
+    texts["balance: ZMPs of skin and ankles apart, mean / 95 % / maximum [mm]"] = percentiles
     return texts
 
 
 def main() -> None:
     """Run all cases; print a table."""
     given = arguments(__doc__, has_animation=False).parse_args()
-    kinds = [(rate, name) for rate in PERIODS for name in ("no proximity", "proximity", *SCENES, "walk")]
-    cases = [case for rate, name in kinds for case in cases_of(name, range(given.seeds), PERIODS[rate])]
-    found = run_all(run, cases, given)
+    cases = {(rate, name): cases_of(name, range(given.seeds), PERIODS[rate]) for rate in PERIODS for name in ROWS}
+    found = iter(run_all(run, [case for some in cases.values() for case in some], given))
     results: dict[str, dict[str, list[Any]]] = {rate: {} for rate in PERIODS}
-    for k, (rate, name) in enumerate(kinds):
-        results[rate][name] = found[k * given.seeds : (k + 1) * given.seeds]
+    for (rate, name), some in cases.items():
+        results[rate][name] = list(islice(found, len(some)))
     columns = [column(results[rate]) for rate in PERIODS]
     report(given, ("quantity", *PERIODS), [(name, *(texts[name] for texts in columns)) for name in columns[0]])
 

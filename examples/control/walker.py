@@ -85,6 +85,10 @@ class Proximity:
         """Return the speed of a descending foot after the springs push it with a force [m/s]."""
         return max(speed - force / self.damping, min(speed, self.creep))
 
+    def stops(self, wrench: Array) -> bool:
+        """Return whether a wrench (6,) ends the swing before the felt load does: never, the springs only slow down."""
+        return False
+
 
 @dataclass(frozen=True)
 class Step:
@@ -139,6 +143,8 @@ class Walker:
     avoid : callable, optional
         Called with the state and a foot that has just met the ground. Returns by how much (2,) its step is to be moved
         because the ground is not safe [m], or None if it is. The foot is then lifted once more.
+    foothold : type of Foothold
+        How a foot learns where the ground bears it.
     """
 
     def __init__(
@@ -153,6 +159,7 @@ class Walker:
         heeds: bool = True,
         cone: str | None = None,
         avoid: Callable[[State, str], Array | None] | None = None,
+        foothold: type[Foothold] = Foothold,
     ):
         self.estimator, self.gait, self.gains, self.proximity = (
             Estimator(robot.body, source, heeds),
@@ -168,7 +175,7 @@ class Walker:
         self.clock, self.rate = 0.0, 1.0  # time of the plan, and how fast it goes on [s, 1]
         self.index = 0  # of the step that is taken, or comes next
         self.tilts = {foot: np.zeros(2) for foot in FEET}  # roll and pitch of the ankle admittance [rad]
-        self.footholds = {foot: Foothold(robot.body.skins[f"{foot}_foot"], robot.period) for foot in FEET}
+        self.footholds = {foot: foothold(robot.body.skins[f"{foot}_foot"], robot.period) for foot in FEET}
         self.cone, self.avoid = cone, avoid
         self.feels, self.heeds = feels, heeds
         self.last: Array | None = None  # angles of the last cycle
@@ -248,7 +255,7 @@ class Walker:
     def _plan(self, state: State) -> None:
         """Plan the ZMP from now to the end of the walk."""
         now = self.plan.at(self.clock - self.planned).zmp if hasattr(self, "plan") else state.com[:2]
-        centroids = {foot: self.footholds[foot].area.centroid for foot in FEET}
+        centroids = {foot: self.footholds[foot].centroid for foot in FEET}
         ground = {foot: self.estimator.anchors[foot][:2] + centroids[foot] for foot in FEET}
         left = max(self.began + self.duration - self.clock, self.period)
         times, points = [0.0, left], [now]
@@ -281,6 +288,8 @@ class Walker:
             foot = self.steps[self.index].foot
             load = state.felt.loads[foot]
             has_landed = since >= self.duration if load is None else load > self.gait.contact
+            if self.proximity and self.proximity.stops(self._springs(state, foot)):
+                has_landed = True
             if since > 0.3 * self.duration and has_landed:
                 shift = self.avoid(state, foot) if self.avoid else None
                 if shift is None:
@@ -372,13 +381,19 @@ class Walker:
         if since < half:
             return np.array((*flat, self.lifted[2] + (top - self.lifted[2]) * quintic(since / half)))
         speed = descent(since - half, arrival - half, top - ground, gait.landing_speed)
-        frame, skin = state.frame.links.get(f"{step.foot}_foot"), self.estimator.body.skins[f"{step.foot}_foot"]
-        if compliant and frame is not None:
-            virtual = compliant.wrench(skin, frame, SOLE_CENTRE)
+        if compliant:
+            virtual = self._springs(state, step.foot)
             turn = compliant.turning * self.period * virtual[3:5]
             self.tilts[step.foot] = self.tilts[step.foot] + turn
             speed = compliant.slowed(speed, virtual[2])
         return np.array((*flat, self.commanded[step.foot][2] - speed * self.rate * self.period))
+
+    def _springs(self, state: State, foot: str) -> Array:
+        """Return the wrench (6,) that slows a swinging foot, about the centre of its sole; zero without a frame."""
+        frame = state.frame.links.get(f"{foot}_foot")
+        if frame is None:
+            return np.zeros(6)
+        return self.proximity.wrench(self.estimator.body.skins[f"{foot}_foot"], frame, SOLE_CENTRE)
 
     def _tilt_ankles(self, state: State, wanted: Array) -> None:
         """Turn the soles so that their CoPs go to the desired ZMP (admittance)."""
@@ -455,7 +470,7 @@ class Walker:
         The CoPs are as far from the centroids of the footholds as the ZMP is from the line between them. A foot that
         gets its load near its centroid presses many cells, and finds out early where the ground ends.
         """
-        centroids = {foot: state.soles[foot][:2] + self.footholds[foot].area.centroid for foot in self._standing()}
+        centroids = {foot: state.soles[foot][:2] + self.footholds[foot].centroid for foot in self._standing()}
         if len(centroids) == 1:
             return {foot: (1.0, wanted) for foot in centroids}
         (one, a), (other, b) = centroids.items()

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from biped import Biped
+from biped import PERIOD, Biped
 from diagrams import draw_walks
 from estimator import State
 from experiment import arguments, count, film_both, report, run_all, spread
@@ -43,6 +43,7 @@ class Case:
 
     cone: str  # "felt" or "full"
     seed: int
+    period: float = PERIOD  # of the control [s]
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class Shift(Walker):
 
 def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Result:
     """Shift the weight."""
-    robot = Biped(GROUND, case.seed, proximity=False)
+    robot = Biped(GROUND, case.seed, proximity=False, period=case.period)
     walker = Shift(robot, [], cone=case.cone)
     now, tilt, demanded, off = 0.0, 0.0, -np.inf, []
     while robot.data.time < (END if now < TIPPED else LATEST) and not robot.fallen:

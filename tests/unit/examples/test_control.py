@@ -270,6 +270,65 @@ def test_next_foothold_is_expected_to_be_like_the_last_one():
     assert foothold.area.bounds[1][0] == pytest.approx(0.095)
 
 
+def test_written_rule_plans_at_the_first_polygon_after_the_contact_and_limits_to_the_present_one():
+    """Cells have their size; in the air the full sole is expected again."""
+    from as_written import WrittenFoothold
+    from biped import skins
+    from foothold import full_sole
+
+    from skin_calib_addon.runtime import Skin
+
+    foothold, flat = WrittenFoothold(Skin(skins()["sole"])), np.zeros(2)
+    x = foothold.places[:, 0]
+    assert foothold.inside.all()  # the plan does not wait
+    assert not foothold.update(frame_of(foothold, x > 1.0), flat) and foothold.area.area == full_sole().area
+    assert foothold.update(frame_of(foothold, x > 0.075), flat)
+    np.testing.assert_allclose(foothold.area.bounds, ((0.075, -0.045), (0.095, 0.045)), atol=1e-6)
+    assert not foothold.update(frame_of(foothold, x > -1.0), flat)
+    np.testing.assert_allclose(foothold.centroid, (0.085, 0.0), atol=1e-6)
+    assert foothold.area.area == pytest.approx(full_sole().area)
+    foothold.lift()
+    np.testing.assert_allclose(foothold.centroid, (0.0, 0.0), atol=1e-9)
+
+
+def test_written_rule_for_landings_ends_the_swing_by_the_virtual_wrench_and_then_uses_the_felt_one():
+    """A sole 2 mm above the ground, and one that stands; the springs of the walker end no swing."""
+    from as_written import STOP, WrittenProximity
+    from biped import skins
+    from estimator import SOLE_CENTRE
+    from shapes import RANGE, RANGE_COUNTS
+    from walker import Proximity
+
+    from skin_calib_addon.runtime import Skin
+    from skin_calib_addon.runtime.wrench import about
+
+    skin, written, springs = Skin(skins()["sole"], switch_on=2.0), WrittenProximity(), Proximity()
+    near = np.full(skin.reading_length, round(RANGE_COUNTS * (1 - 0.002 / RANGE)))
+    air = skin.update({"force": np.zeros(skin.reading_length), "proximity": near}, 0.0)
+    virtual = springs.wrench(skin, air, SOLE_CENTRE)
+    np.testing.assert_array_equal(written.wrench(skin, air, SOLE_CENTRE), virtual)
+    assert virtual[2] > STOP and written.stops(virtual) and not springs.stops(virtual)
+    assert not written.stops(virtual * STOP / virtual[2] * 0.99)
+    stands = skin.update({"force": np.full(skin.reading_length, 200.0), "proximity": near}, 0.004)
+    felt = written.wrench(skin, stands, SOLE_CENTRE)
+    np.testing.assert_array_equal(felt, about(stands.wrench, SOLE_CENTRE))
+    assert stands.touched and felt[2] > 2 * virtual[2]
+
+
+@pytest.mark.slow
+def test_written_rule_for_footholds_makes_the_robot_fall_on_flat_ground():
+    """The ZMP is planned at the edge that touches first; landings by the written rule stay soft."""
+    from as_written import cases_of, run, texts
+
+    (walk,), (landing,) = (
+        [run(case) for case in cases_of(name, "thesis", range(1))] for name in ("flat ground", "flat")
+    )
+    assert not walk.stands and walk.steps < 3
+    stands, impacts = landing
+    assert stands and len(impacts) == 3 and max(impact.force for impact in impacts) < 250
+    assert texts("flat", [landing])[:2] == ("1/1", "3.0")
+
+
 def test_plan_waits_for_a_dcm_that_is_behind_it_and_goes_on_faster_for_one_ahead():
     from walker import Gains, plan_rate
     from zmp_plan import Reference
@@ -374,6 +433,18 @@ def test_robot_walks_at_1_khz_and_feels_its_zmp():
     slow, fast = (run(cases_of("walk", [0], period)[0]) for period in (PERIOD, TIME_STEP))
     assert slow.stands and fast.stands and slow.steps == fast.steps == 2
     assert fast.apart < 0.001 and slow.apart < 0.001
+
+
+@pytest.mark.slow
+def test_table_of_the_rates_has_all_rows():
+    """With the shortest runs of each row: it is built from what all experiments return."""
+    from rates import PERIODS, ROWS, cases_of, column, run
+
+    assert {name: len(cases_of(name, range(20), PERIODS["1 kHz"])) for name in ROWS}["balance"] == 8
+    assert all(case.period == PERIODS["1 kHz"] for name in ROWS for case in cases_of(name, range(20), 1e-3))
+    texts = column({name: [run(case) for case in cases_of(name, range(1), PERIODS["250 Hz"])] for name in ROWS})
+    assert texts["cone of the felt polygon: stands"] == "1/1" and texts["cone of the full sole: stands"] == "0/1"
+    assert texts["balance, full sole: largest push [N s]"] == "10.0"
 
 
 def test_speed_of_a_sole_is_that_of_its_centre():
@@ -549,6 +620,8 @@ def test_g1_forearm_yields_to_a_contact_and_shrinks_back_before_one_and_from_hea
     hit, clear = (run(G1Case("near", kind, 0, URDF, tmp_path)) for kind in ("hand only", "null space"))
     assert hit["force"].max() > 10 and clear["force"].max() == 0
     assert clear["hand"].max() < 0.03
+    burns, cool = (run(G1Case("heat", kind, 0, URDF, tmp_path)) for kind in ("hand only", "first"))
+    assert cool["heat"].max() < burns["heat"].max() - 10 and cool["gap"].min() > burns["gap"].min()
 
 
 @pytest.mark.slow
@@ -560,5 +633,3 @@ def test_g1_keeps_its_balance_by_the_skin_that_was_proposed_for_its_feet(g1_feet
     off = np.linalg.norm(zmps[:, 0] - zmps[:, 2], axis=1)
     assert stands and np.ptp(zmps[:, 2, 0]) > 0.03
     assert off.mean() < 0.004 and np.percentile(off, 95) < 0.008
-    burns, cool = (run(G1Case("heat", kind, 0, URDF, tmp_path)) for kind in ("hand only", "first"))
-    assert cool["heat"].max() < burns["heat"].max() - 10 and cool["gap"].min() > burns["gap"].min()
