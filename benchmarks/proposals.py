@@ -10,14 +10,15 @@ proposal. With ``--write`` the table goes into the documentation.
 """
 
 import argparse
-import re
 import sys
 from collections import Counter
 from pathlib import Path
 from time import perf_counter
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT)]
+sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
+
+from pages import left_out_area, write_table  # noqa: E402
 
 from skin_calib_addon.common.errors import SkinCalibError  # noqa: E402
 from skin_calib_addon.geometry import CoverSpec, TubeGrid, load_mesh  # noqa: E402
@@ -27,7 +28,6 @@ from skin_calib_addon.proposal.links import Task, propose_task  # noqa: E402
 from skin_calib_addon.proposal.skins import DEFAULT_SKIN, parse_skin  # noqa: E402
 
 PAGE = ROOT / "docs" / "how-to" / "links.md"
-MARKS = "<!-- begin of the table -->\n", "<!-- end of the table -->\n"  # in the page
 MESHES = ROOT.parent / "shared" / "data" / "meshes"
 LINKS = {
     "HRP-4C wrist": "hrp4c_r_wrist_y",
@@ -43,7 +43,6 @@ COLUMNS = (
     "link | surfaces; boards | the largest | mean, max [mm] | warnings | seen, covered [cm²] "
     "| not covered [cm²]: closed in, no board fits, no surface | a plain tube: mean, max [mm]; warnings"
 )
-LEFT_OUT = r"(\d+) cm\^2, left out"  # in the reasons of a plan
 
 
 def main() -> None:
@@ -66,10 +65,7 @@ def main() -> None:
     for name, lines in reasons.items():
         print("", name, *(f"- {line}" for line in lines), sep="\n")
     if options.write:
-        text = PAGE.read_text(encoding="utf-8")
-        before, _, rest = text.partition(MARKS[0])
-        lines = "\n".join(table)
-        PAGE.write_text(f"{before}{MARKS[0]}\n{lines}\n\n{MARKS[1]}{rest.partition(MARKS[1])[2]}", encoding="utf-8")
+        write_table(PAGE, "\n".join(table))
 
 
 def judged(file, choice):
@@ -82,7 +78,7 @@ def judged(file, choice):
     result = calibrate(found.plan, load_mesh(file, "m"))
     seconds = f"{middle - start:.1f} s to propose, {perf_counter() - middle:.1f} s to fit"
     kinds = Counter(kind_of(surface) for surface in found.plan.surfaces)
-    no_board = sum(int(n) for n in re.findall(LEFT_OUT, "\n".join(found.reasons)))
+    no_board = left_out_area("\n".join(found.reasons))
     seen, free, covered = (round(area * 1e4) for area in (found.seen, found.free, found.covered))
     cells = [
         f"{', '.join(f'{n} {kind}' for kind, n in kinds.items())}; {found.taxels}",

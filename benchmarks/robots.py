@@ -30,6 +30,8 @@ from scipy.spatial import cKDTree
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
+from pages import MARKS, left_out_area, write_table  # noqa: E402
+
 from skin_calib_addon.calibration.file import load_calibration  # noqa: E402
 from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles  # noqa: E402
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh  # noqa: E402
@@ -46,7 +48,6 @@ from skin_calib_addon.robot.link_mesh import links_with_mesh, load_urdf_meshes  
 from skin_calib_addon.robot.urdf import read_robot  # noqa: E402
 
 PAGE = ROOT / "docs" / "explanation" / "robots.md"
-MARKS = "<!-- begin of the table -->\n", "<!-- end of the table -->\n"  # in the page
 OTHER_MARKS = "<!-- begin of other robots -->\n", "<!-- end of other robots -->\n"
 DATA = ROOT.parent / "shared" / "data" / "robots"
 ROBOTS = {
@@ -59,7 +60,6 @@ TOUCHING = 2e-5  # [m] depth of an overlap that does not count
 STEEP = 15.0  # [degrees] that a normal may be off
 MIN_FREE = 30.0  # [cm^2] of a link that needs a plan or a reason
 RINGS = (0.4, 0.7, 0.95)  # [1] of the radius of a cell, at which the mesh below it is examined
-LEFT_OUT = r"(\d+) cm\^2, left out"  # in the reasons of a plan
 PRESSES = 200
 CYCLES = 200
 SAMPLE_PERIOD = 0.2  # [s] between two measurements of the memory
@@ -113,10 +113,8 @@ def main() -> None:
     table = table_of(columns, options.skin)
     print(table, end="")
     if options.write:
-        first, last = OTHER_MARKS if options.urdf else MARKS
-        before, after = PAGE.read_text(encoding="utf-8").partition(first)[::2]
-        text = short_table_of(columns) if options.urdf else table
-        PAGE.write_text(f"{before}{first}\n{text}\n{last}{after.partition(last)[2]}", encoding="utf-8")
+        text, marks = (short_table_of(columns), OTHER_MARKS) if options.urdf else (table, MARKS)
+        write_table(PAGE, text, marks)
 
 
 def column(urdf, folder, options):
@@ -238,7 +236,7 @@ def of_proposal(urdf, folder, said):
     robot = read_robot(urdf)
     reasons = Counter(reason for _, reason in refused)
     seconds = re.findall(r"^(.+) took ([\d.]+) s with (\d+) processes, ([\d.]+) s of CPU, (\d+) MB", said, re.M)
-    left_out = sum(int(n) for path in folder.glob("*.plan.json") for n in re.findall(LEFT_OUT, path.read_text()))
+    left_out = sum(left_out_area(path.read_text()) for path in folder.glob("*.plan.json"))
     total = re.findall(r"cover (\d+) cm\^2, (\d+)% of the free area and (\d+)% of the area that can", said)[-1]
     worst = sorted(per_link, key=lambda row: int(row[3]) - int(row[4]))[:3]
     return {

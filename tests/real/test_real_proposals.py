@@ -1,25 +1,17 @@
 """Proposals for the eight real links of docs/how-to/links.md; the tests run where the data is."""
 
-import sys
-from pathlib import Path
-
 import pytest
 
 from skin_calib_addon.geometry import load_mesh
 from skin_calib_addon.pipeline import calibrate
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def proposals():
+def proposals(benchmarks):
     """The benchmark as a module."""
-    sys.path.insert(0, str(BENCHMARKS))
-    try:
-        yield pytest.importorskip("proposals")
-    finally:
-        sys.path.remove(str(BENCHMARKS))
+    return pytest.importorskip("proposals")
 
 
 def test_proposal_is_within_half_a_millimetre_or_states_a_reason(proposals):

@@ -3,7 +3,6 @@
 import re
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,18 +11,13 @@ from skin_calib_addon.calibration.file import load_calibration, save_calibration
 from tests.unit.commands.test_bad_robots import plates
 
 pytestmark = pytest.mark.slow
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 SIDE = 0.07  # [m] of a plate
 
 
 @pytest.fixture(scope="module")
-def robots():
+def robots(benchmarks):
     """The benchmark as a module."""
-    sys.path.insert(0, str(BENCHMARKS))
-    try:
-        yield pytest.importorskip("robots")
-    finally:
-        sys.path.remove(str(BENCHMARKS))
+    return pytest.importorskip("robots")
 
 
 @pytest.fixture(scope="module")
