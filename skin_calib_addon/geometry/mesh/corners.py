@@ -95,9 +95,8 @@ def undivided(mesh: TriangleMesh, fixed: BoolArray) -> tuple[IntArray, IntArray]
 def _vertices_of(mesh: TriangleMesh, facet: IntArray, faces: IntArray, chosen: BoolArray) -> tuple[IntArray, IntArray]:
     """Return pairs of a facet and a chosen vertex of some of its faces, each once, ascending; shapes (p,)."""
     row, place = np.nonzero(chosen[mesh.faces[faces]])
-    face = faces[row]
-    of_facet, vertex = np.unique(np.column_stack((facet[face], mesh.faces[face, place])), axis=0).T
-    return of_facet, vertex
+    face, count = faces[row], len(mesh.vertices)
+    return np.divmod(np.unique(facet[face] * count + mesh.faces[face, place]), count)
 
 
 def _halves(
