@@ -84,6 +84,8 @@ DRIVERS = [
     ("drive_imported.py", "wrist", "1200x1300"),
     ("drive_drawing.py", "wrist", "1200x1300"),
     ("drive_once.py", "wrist", "1200x1300"),
+    ("drive_twice.py", "wrist", "1200x1300"),
+    ("drive_waits.py", "wrist", "1200x1300"),
     ("drive_status.py", "wrist", "1600x900"),
     ("drive_widths.py", "wrist", "1200x1300"),
     ("drive_import.py", "", "1600x900"),  # Blender's start
