@@ -46,6 +46,7 @@ TIME_STEP = 1e-3  # of the simulation [s]
 PERIOD = 4e-3  # of the control cycle, in which the skins are read once [s]
 OFFSET = 40  # reading of a free taxel [count]
 NOISE = 2.0  # standard deviation [count]
+LATENCY = 1  # cycles that readings are late
 REST = 250  # frames at rest from which the noise is learned
 GYRO_NOISE, TILT_NOISE = 0.005, 0.0005  # standard deviations [rad/s, rad]
 FORCE_NOISE, TORQUE_NOISE = 1.0, 0.05  # standard deviations of the force/torque sensors in the ankles [N, N m]
@@ -252,10 +253,10 @@ def round_pads(skin: mujoco.MjSpec, calibration: LinkCalibration, friction: floa
 class Faults:
     """What is wrong with the sensors."""
 
-    noise: float = NOISE  # standard deviation of a reading [count]
     sensitivity: float = 0.0  # standard deviation of the sensitivity of a cell, relative to the calibration
-    latency: int = 1  # cycles that the readings of skins and of ankles are late
     since: float = 0.0  # time from which on the following is wrong [s]
+    noise: float = NOISE  # standard deviation of a reading [count]
+    latency: int = LATENCY  # cycles that the readings of skins and of ankles are late
     dead: tuple[int, ...] = ()  # taxels of the left sole that read zero
     lost: str | None = None  # the body whose readings do not arrive
     is_frozen: bool = False  # whether all readings of the left sole stay the same
@@ -364,7 +365,8 @@ class Biped:
         q, _ = np.linalg.qr(rotation.reshape(3, 3) @ error)
         rotation = q * np.sign(np.sum(q * rotation.reshape(3, 3), axis=0))
         gyro = data.sensor("gyro").data + self.rng.normal(0, GYRO_NOISE, 3)
-        readings, ankles = self._late[0]
+        late = self.faults.latency if self._is_faulty else LATENCY
+        readings, ankles = self._late[max(len(self._late) - 1 - late, 0)]
         if self._is_faulty:
             readings = {name: values for name, values in readings.items() if self.faults.lost != name}
         return Senses(data.time, data.qpos[7:].copy(), data.qvel[6:].copy(), rotation, gyro, readings, ankles)
@@ -372,6 +374,11 @@ class Biped:
     @property
     def _is_faulty(self) -> bool:
         return bool(self.data.time >= self.faults.since)
+
+    @property
+    def _noise(self) -> float:
+        """Return the standard deviation of a reading now [count]."""
+        return self.faults.noise if self._is_faulty else NOISE
 
     def _ankles(self) -> dict[str, Array]:
         wrenches = {}
@@ -394,7 +401,7 @@ class Biped:
         return {"force": counts} | ({"proximity": self._proximity(name)} if name in self._near else {})
 
     def _counts(self, force: Array) -> Array:
-        noisy = OFFSET + force * COUNTS / FULL_SCALE + self.rng.normal(0, self.faults.noise, force.shape)
+        noisy = OFFSET + force * COUNTS / FULL_SCALE + self.rng.normal(0, self._noise, force.shape)
         return np.clip(np.rint(noisy), 0, COUNTS)
 
     def _sensors_of_proximity(self, name: str) -> tuple[Array, Array]:
@@ -406,7 +413,7 @@ class Biped:
         """Return the readings of the proximity sensors [count]; zero if nothing is in range."""
         channels, sites = self._near[name]
         readings = np.zeros(channels.max() + 1)
-        noise = self.rng.normal(0, self.faults.noise, len(sites))
+        noise = self.rng.normal(0, self._noise, len(sites))
         readings[channels] = proximity_counts(self.model, self.data, sites, f"{name}/{LINKS[name]}", noise)
         return readings
 

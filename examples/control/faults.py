@@ -2,8 +2,8 @@
 
     python examples/control/faults.py [--seeds 20] [--steps 2]
 
-At a random time of the walk a board of nine taxels dies, the bus of one sole freezes, or the readings of one sole stop.
-Noise and latency are larger from the start. With the flags, silent cells of a sole with a dead board are no evidence:
+At a random time of the walk a board of nine taxels dies, the bus of one sole freezes, the readings of one sole stop, or
+those of both become noisier or later. With the flags, silent cells of a sole with a dead board are no evidence:
 the full sole is assumed. If the contact of a foot is not known, its step ends by time, and the robot stops stepping.
 """
 
@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from biped import NOISE, PERIOD, Biped, Faults
+from biped import LATENCY, NOISE, PERIOD, Biped, Faults
 from diagrams import draw_walks
 from experiment import arguments, film_both, report, run_all, spread, stands_and_steps, whole
 from shapes import SOLE_CELLS
@@ -20,7 +20,7 @@ from walker import Walker, forward_steps, walk
 
 STEP, WIDTH = 0.15, 0.18  # [m]
 EARLIEST, LATEST = 1.2, 3.0  # time of a fault [s]
-LATENCY = 0.010  # instead of one cycle [s]
+LATER = 2  # cycles of additional latency: 12 ms instead of 4 ms
 FILMED = 3  # seed of the figure and the animation; the bus freezes in the first step
 Array = np.ndarray
 
@@ -38,8 +38,8 @@ FAULTS: dict[str, Callable[[float, np.random.Generator], Faults]] = {
     "dead board": lambda since, rng: Faults(since=since, dead=board(rng)),
     "frozen bus": lambda since, rng: Faults(since=since, is_frozen=True),
     "lost sole": lambda since, rng: Faults(since=since, lost="left_foot"),
-    "noise doubled": lambda since, rng: Faults(noise=2 * NOISE),
-    "10 ms of latency": lambda since, rng: Faults(latency=1 + round(LATENCY / PERIOD)),
+    "noise doubled": lambda since, rng: Faults(since=since, noise=2 * NOISE),
+    "10 ms of latency": lambda since, rng: Faults(since=since, latency=LATENCY + LATER),
 }
 BELIEVED = ("dead board", "frozen bus", "lost sole")  # also run with the flags ignored
 CASES = [(name, True) for name in FAULTS] + [(name, False) for name in BELIEVED]
