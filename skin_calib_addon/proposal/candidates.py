@@ -8,8 +8,11 @@ import numpy as np
 from ..common.arrays import Array, unit
 from ..geometry.grid.axis import Axis
 from ..geometry.grid.grids import Across, Region, Tube
+from ..geometry.mesh.cover import CoverSpec, Cut, cut_cover
+from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.mesh.visibility import view_frames
-from .link_points import LinkPoints
+from ..skin.boards.ground import MAX_DISTANCE
+from .link_points import POINT_DISTANCE, LinkPoints
 
 # [cosine] between a normal and the rays of a region above which the region can cover a point.
 MIN_RAY_COSINE = 0.5
@@ -22,6 +25,11 @@ NEAR_COSINE = np.cos(np.deg2rad(25.0))
 # [cosine] between two directions of faces above which only the first is tried. Larger: more are tried that are
 # nearly the same, more time (4 degrees: no effect on four links of the G1; 16 degrees: one surface less).
 SAME_COSINE = np.cos(np.deg2rad(8.0))
+# [m] height above a face from which on another part of the link is in front of it. Larger: narrower gaps of forks and
+# grippers have no skin. Derived: an inclined face rises by less within a cell of ``POINT_DISTANCE``.
+MIN_GAP = 2.5 * POINT_DISTANCE
+# [1] decimals of the heights of cuts [m]. Larger: small differences of the mesh move them.
+CUT_DECIMALS = 3
 # [1] decimals of points [m] and directions. Larger: Blender has another plan. Format: what single precision keeps.
 DECIMALS = 6
 
@@ -32,6 +40,16 @@ class Candidate:
 
     region: Region
     words: str
+    cuts: tuple[Cut, ...] = ()  # they remove what rays would hit first
+
+    @property
+    def cover(self) -> CoverSpec:
+        """Return the cover of its surface."""
+        return CoverSpec("seen", self.cuts)
+
+    def mesh(self, seen: TriangleMesh) -> TriangleMesh:
+        """Return its part of the faces of the link that can be seen."""
+        return cut_cover(seen, CoverSpec("all", self.cuts)) if self.cuts else seen
 
     def rays(self, points: Array) -> Array:
         """Return the directions of the rays through points (k, 3), shape (k, 3)."""
@@ -45,10 +63,12 @@ class Candidate:
     def bound(self, on: LinkPoints) -> float:
         """Return an upper bound of the area that it adds [m^2]."""
         faces_rays = (on.normals * self.rays(on.points)).sum(axis=1) > MIN_RAY_COSINE
+        for cut in self.cuts:
+            faces_rays &= (on.points - cut.point) @ np.array(cut.normal) > 0
         return float(on.areas[on.wanted & faces_rays].sum())
 
 
-def candidates(on: LinkPoints, axes: Iterable[tuple[Axis, str]]) -> Iterator[Candidate]:
+def candidates(on: LinkPoints, axes: Iterable[tuple[Axis, str]], least: float = 0.0) -> Iterator[Candidate]:
     """Yield the regions that are tried on a link.
 
     Parameters
@@ -57,11 +77,82 @@ def candidates(on: LinkPoints, axes: Iterable[tuple[Axis, str]]) -> Iterator[Can
         The link.
     axes : iterable of (Axis, str)
         Axes of its joints, and what they are called.
+    least : float
+        Area behind another part of the link for which there is a region of its own [m^2].
     """
     for axis, words in (*axes, *own_axes(on)):
         yield Candidate(Tube(axis), f"tube about {words}")
     for k, normal in enumerate(face_directions(on)):
-        yield Candidate(Across(normal=tuple(np.round(normal, DECIMALS).tolist())), f"face {k}")
+        region = Across(normal=tuple(np.round(normal, DECIMALS).tolist()))
+        yield Candidate(region, f"face {k}")
+        for cut in cuts_in_front(on, np.array(region.normal), least):
+            yield Candidate(region, f"face {k}, behind another part of the link", (cut,))
+
+
+def cuts_in_front(on: LinkPoints, normal: Array, least: float) -> Iterator[Cut]:
+    """Yield cuts across a direction that remove what is in front of free faces, those with the most area behind first.
+
+    Parallel rays along the direction hit the outermost part of a link, such as the outer side of a fork, and not the
+    inner side of its other tine.
+
+    Parameters
+    ----------
+    on : LinkPoints
+        The link.
+    normal : array, shape (3,)
+        The direction, of unit length.
+    least : float
+        Area behind a cut [m^2].
+    """
+    facing = on.free & (on.normals @ normal > NEAR_COSINE)
+    foot, front = on.points[facing] @ normal, heights_in_front(on, on.points[facing], normal)
+    hidden = np.isfinite(front)
+    begin, end, areas = foot[hidden] + MAX_DISTANCE, front[hidden] - MAX_DISTANCE, on.areas[facing][hidden]
+    while len(begin):
+        levels = np.concatenate((begin, end))
+        order = np.argsort(levels, kind="stable")
+        behind = np.cumsum(np.concatenate((areas, -areas))[order])
+        most = int(behind.argmax())
+        if behind[most] < least:
+            return
+        level = float(np.round((levels[order[most]] + levels[order[most + 1]]) / 2, CUT_DECIMALS))
+        x, y, z = (np.round(level * normal, DECIMALS) + 0.0).tolist()
+        a, b, c = (0.0 - normal).tolist()
+        yield Cut((x, y, z), (a, b, c))
+        others = (begin > level) | (end < level)
+        begin, end, areas = begin[others], end[others], areas[others]
+
+
+def heights_in_front(on: LinkPoints, points: Array, normal: Array) -> Array:
+    """Return the height of the next part of the link in front of points, at least ``MIN_GAP`` above each.
+
+    Parameters
+    ----------
+    on : LinkPoints
+        The link. Its points are compared in columns along the direction, ``POINT_DISTANCE`` wide.
+    points : array, shape (n, 3)
+        [m]
+    normal : array, shape (3,)
+        The direction, of unit length.
+
+    Returns
+    -------
+    array, shape (n,)
+        Along the direction [m]; infinite without another part.
+    """
+    if not len(points) or not len(on.seen_points):
+        return np.full(len(points), np.inf)
+    every = np.vstack((on.seen_points, points))
+    heights = every @ normal
+    places = np.floor(every @ np.linalg.svd(normal[None])[2][1:].T / POINT_DISTANCE)  # in two directions across it
+    x, y = (places - places.min(axis=0)).T
+    column = x * (y.max() + 1) + y
+    extent = np.ptp(heights) + 2 * MIN_GAP  # so that the columns are apart, one above the other
+    parts, feet = np.split(column * extent + heights - heights.min(), [len(on.seen_points)])
+    parts = np.append(np.sort(parts), np.inf)
+    found = parts[np.searchsorted(parts, feet + MIN_GAP)]
+    is_in_column = found < (column[-len(points) :] + 1) * extent
+    return np.where(is_in_column, heights[-len(points) :] + found - feet, np.inf)
 
 
 def own_axes(on: LinkPoints) -> Iterator[tuple[Axis, str]]:

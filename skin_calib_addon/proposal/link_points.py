@@ -29,18 +29,22 @@ class LinkPoints:
     free: BoolArray  # (k,) no other link covers it
     covered: BoolArray = field(repr=False)  # (k,) a proposed surface covers it; changes
     taken: BoolArray = field(repr=False)  # (k,) a proposed surface covers it, or is next to it; changes
+    seen_points: Array = field(default_factory=lambda: np.empty((0, 3)), repr=False)  # (n, 3) in the open or not [m]
 
     @classmethod
     def of(cls, mesh: TriangleMesh) -> "LinkPoints":
         """Return the points of a mesh that are in the open; all of them are free."""
         mesh = single_faces(mesh)
         points, face, areas = sample_faces(mesh, POINT_DISTANCE)
-        normals = mesh.face_normals[face] * visibility(mesh).sides[face][:, None]
+        visible = visibility(mesh)
+        normals = mesh.face_normals[face] * visible.sides[face][:, None]
         openness = openness_at(mesh, points, normals)
         seen = float(areas[openness > MIN_OPENNESS].sum())
         kept = openness > MIN_OPEN
         count = int(kept.sum())
-        return cls(points[kept], normals[kept], areas[kept], seen, np.ones(count, bool), *np.zeros((2, count), bool))
+        free, covered, taken = np.ones(count, bool), *np.zeros((2, count), bool)
+        every = points[visible.seen[face]]
+        return cls(points[kept], normals[kept], areas[kept], seen, free, covered, taken, every)
 
     @property
     def wanted(self) -> BoolArray:

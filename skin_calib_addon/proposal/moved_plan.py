@@ -7,6 +7,7 @@ import numpy as np
 from ..common.arrays import Array
 from ..geometry.grid.axis import Axis
 from ..geometry.grid.grids import Across, Grid, Region, Sector, Tube, Vector, sector_frame
+from ..geometry.mesh.cover import Cut
 from ..plan.document import without_axis_point
 from ..plan.plan import Plan, Surface
 from ..plan.skins import BoardSkin, SheetSkin, Skin
@@ -20,7 +21,7 @@ def moved_plan(plan: Plan, link: str, twin: Twin) -> Plan:
     Parameters
     ----------
     plan : Plan
-        Of the link ``twin.link``. Its grids have sizes and no cuts, as in proposals.
+        Of the link ``twin.link``. Its grids have sizes, as in proposals.
     link : str
         Name of the twin.
     twin : Twin
@@ -36,9 +37,10 @@ def moved_plan(plan: Plan, link: str, twin: Twin) -> Plan:
 
 
 def _moved_surface(surface: Surface, twin: Twin) -> Surface:
-    assert not surface.cover.cuts and isinstance(surface.grid, Grid)
+    assert isinstance(surface.grid, Grid)
     grid = replace(surface.grid, region=moved_region(surface.grid.region, twin))
-    return replace(surface, grid=without_axis_point(grid))
+    cuts = tuple(Cut(_point(cut.point, twin), _direction(cut.normal, twin)) for cut in surface.cover.cuts)
+    return replace(surface, cover=replace(surface.cover, cuts=cuts), grid=without_axis_point(grid))
 
 
 def moved_region(region: Region, twin: Twin) -> Region:

@@ -12,7 +12,7 @@ from ..common.arrays import Array, BoolArray
 from ..common.errors import SkinCalibError, counted
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.grid.axis import Axis
-from ..geometry.mesh.cover import seen_faces
+from ..geometry.mesh.cover import CoverSpec, cut_cover, seen_faces
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline.place_skins import place_skin
 from ..plan.plan import Plan
@@ -162,7 +162,9 @@ def propose_twin(
         return listed or skin_on(choice, proposed.fit, proposed.surface.name)
 
     try:
-        found = tuple(filter(None, (fitted(seen, target.on, surface, how) for surface in moved.surfaces)))
+        covers = (cut_cover(seen, CoverSpec("all", surface.cover.cuts)) for surface in moved.surfaces)
+        both = zip(covers, moved.surfaces)
+        found = tuple(filter(None, (fitted(cover, target.on, surface, how) for cover, surface in both)))
         begin("skins")
         proposal = target.proposal(found, skin_of, choice, begin)
     except SkinCalibError:

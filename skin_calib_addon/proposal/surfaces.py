@@ -13,7 +13,6 @@ from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.grid.axis import Axis
 from ..geometry.grid.grids import Across, Grid, Region, Sector, Size, axis_along, sector_frame
 from ..geometry.grid.parametrizations import FaceParametrization
-from ..geometry.mesh.cover import CoverSpec
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.sampling.basis import SITES_PER_SPAN, TensorBasis
 from ..geometry.sampling.rays import TURN
@@ -80,7 +79,7 @@ def propose_surfaces(
     -------
     tuple of Proposed
     """
-    pool = [Tried(c, c.bound(on)) for c in candidates(on, axes)] if on.wanted.any() else []
+    pool = [Tried(c, c.bound(on)) for c in candidates(on, axes, MIN_AREA)] if on.wanted.any() else []
     found: list[Proposed] = []
     least = max(MIN_AREA, MIN_FRACTION * float(on.areas[on.wanted].sum()))
     while True:  # each surface adds an area
@@ -89,7 +88,7 @@ def propose_surfaces(
         if best is None:
             return tuple(found)
         candidate, trial = best
-        proposed = boundary_of(seen, on, candidate, trial, len(found) + 1)
+        proposed = boundary_of(candidate.mesh(seen), on, candidate, trial, len(found) + 1)
         if proposed is None:
             pool = [tried for tried in pool if tried.candidate is not candidate]
         else:
@@ -117,7 +116,7 @@ def best_of(pool: list[Tried], seen: TriangleMesh, on: LinkPoints, least: float)
         if tried.bound <= least:
             break
         if not tried.has_start:
-            tried.start, tried.has_start = Start.of(seen, on, tried.candidate.region), True
+            tried.start, tried.has_start = Start.of(tried.candidate.mesh(seen), on, tried.candidate.region), True
         trial = tried.start.trial(on) if tried.start else None
         tried.bound = trial.area if trial else 0.0
         if trial and trial.area > least:
@@ -125,13 +124,15 @@ def best_of(pool: list[Tried], seen: TriangleMesh, on: LinkPoints, least: float)
     return best
 
 
-def boundary_of(seen: TriangleMesh, on: LinkPoints, candidate: Candidate, trial: Trial, number: int) -> Proposed | None:
+def boundary_of(
+    cover: TriangleMesh, on: LinkPoints, candidate: Candidate, trial: Trial, number: int
+) -> Proposed | None:
     """Return a surface with the boundary of a trial, fitted as a plan has it; None if it covers too little.
 
     Parameters
     ----------
-    seen : TriangleMesh
-        The faces of the link that can be seen.
+    cover : TriangleMesh
+        The part of the candidate of what can be seen.
     on : LinkPoints
         Its points; those that the surface covers are marked.
     candidate : Candidate
@@ -143,27 +144,27 @@ def boundary_of(seen: TriangleMesh, on: LinkPoints, candidate: Candidate, trial:
     """
     per_span = SITES_PER_SPAN * int(np.ceil(trial.steps.max() / FINE_STEP))
     basis = TensorBasis.of(trial.lines, 3, 3, per_span)
-    rows = SampleRows.of(seen, trial.lines, basis)
+    rows = SampleRows.of(cover, trial.lines, basis)
     fine = judged(rows, on, trial.parametrization, trial.lines, trial.offsets, basis)
     if fine is None or fine.area < MIN_AREA:
         return None
     loops = loops_around(fine.good, fine.points, trial.parametrization.closed, LOOP_TOLERANCE)
     region = bounded_region(candidate.region, fine, loops)
     try:
-        size = Size(*region_size(region.parametrization(seen), on))
-        surface = Surface(CoverSpec("seen"), Grid(region, size, "uniform"), name=f"surface_{number}")
-        return fitted(seen, on, surface, candidate.words, MIN_KEPT_FRACTION * fine.area)
+        size = Size(*region_size(region.parametrization(cover), on))
+        surface = Surface(candidate.cover, Grid(region, size, "uniform"), name=f"surface_{number}")
+        return fitted(cover, on, surface, candidate.words, MIN_KEPT_FRACTION * fine.area)
     except SkinCalibError:
         return None
 
 
-def fitted(seen: TriangleMesh, on: LinkPoints, surface: Surface, reason: str, least: float = 0.0) -> Proposed | None:
+def fitted(cover: TriangleMesh, on: LinkPoints, surface: Surface, reason: str, least: float = 0.0) -> Proposed | None:
     """Return a surface of a plan with its fit; None if it covers too little.
 
     Parameters
     ----------
-    seen : TriangleMesh
-        The faces of the link that can be seen.
+    cover : TriangleMesh
+        The cover of the surface.
     on : LinkPoints
         Its points; those that the surface covers are marked.
     surface : Surface
@@ -178,7 +179,7 @@ def fitted(seen: TriangleMesh, on: LinkPoints, surface: Surface, reason: str, le
     SkinCalibError
         If it cannot be fitted, or a warning about it is an error.
     """
-    fit = fit_grid(seen, surface.grid, surface.degree, surface.chords, surface.max_deviation)
+    fit = fit_grid(cover, surface.grid, surface.degree, surface.chords, surface.max_deviation)
     along_facets = covered_points(fit, fit.surface, on)
     if on.areas[along_facets & ~on.covered].sum() < least:
         return None

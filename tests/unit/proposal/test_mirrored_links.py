@@ -79,12 +79,14 @@ def test_link_with_another_joint_range_gets_its_own_plan(folder, tmp_path):
 
 def test_moved_plan_is_what_its_file_gives():
     """Also where the twin is shifted: across a face, only the direction of an axis counts."""
-    axis = {"point": [0, 0, 0], "direction": [1, 0, 0]}
+    axis, cut = {"point": [0, 0, 0], "direction": [1, 0, 0]}, {"point": [0.1, 0.2, 0.3], "normal": [0, 1, 0]}
     grid = {"kind": "patch", "normal": [0, 0, 1], "axis": axis, "n": 6, "lines": 5}
-    surface = {"name": "palm", "cover": {"cuts": []}, "grid": grid}
+    surface = {"name": "palm", "cover": {"cuts": [cut]}, "grid": grid}
     document = {"format": "skin-plan", "version": 2, "link": "left", "mesh": "left.ply", "unit": "m", "skins": []}
     plan = plan_from(document | {"surfaces": [surface]})
     shift = np.diag((1.0, -1.0, 1.0, 1.0))
     shift[:3, 3] = 1e-5, -2e-5, 3e-5
     moved = moved_plan(plan, "right", Twin("left", shift, 0.0))
     assert plan_from(plan_document(moved)) == moved
+    (found,) = moved.surfaces[0].cover.cuts
+    assert found.point == pytest.approx((0.10001, -0.20002, 0.30003)) and found.normal == (0, -1, 0)

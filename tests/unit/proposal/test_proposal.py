@@ -18,13 +18,13 @@ from skin_calib_addon.geometry.surface.footpoints import footpoints
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan, plan_document, plan_from
 from skin_calib_addon.plan.plan import Surface
-from skin_calib_addon.proposal.candidates import candidates
+from skin_calib_addon.proposal.candidates import candidates, cuts_in_front
 from skin_calib_addon.proposal.link_points import LinkPoints
 from skin_calib_addon.proposal.loops import chains, loops_around, simplified
 from skin_calib_addon.proposal.proposal import propose_link
 from skin_calib_addon.proposal.skins import parse_skin
 from skin_calib_addon.proposal.surfaces import fitted, propose_surfaces
-from tests.shapes import box, cylinder, hinged_planes, subdivided, welded
+from tests.shapes import box, cylinder, hinged_planes, subdivided, together, welded
 
 RADIUS, LENGTH = 0.03, 0.12
 
@@ -113,6 +113,31 @@ def test_a_flat_plate_is_covered(turn):
     on = LinkPoints.of(mesh)
     assert [p.reason.split()[0] for p in propose_surfaces(mesh, on)] == ["face"]
     assert on.areas[on.covered].sum() > 0.75 * on.areas.sum()
+
+
+def test_faces_that_look_at_another_part_of_their_link_are_covered(tmp_path):
+    """The inner sides of two plates 60 mm apart: rays from outside hit the other plate. The file of the plan fits."""
+    plates = [box((-0.06, -0.04, z), (0.06, 0.04, z + 0.004)) for z in (0.0, 0.064)]
+    mesh = welded(together(*map(subdivided, plates)))
+    on = LinkPoints.of(mesh)
+    propose_surfaces(mesh, on)
+    for height, side in ((0.004, 1), (0.064, -1)):
+        inner = (np.abs(on.points[:, 2] - height) < 1e-6) & (side * on.normals[:, 2] > 0.9)
+        assert on.areas[inner].sum() == pytest.approx(0.12 * 0.08, rel=1e-6)
+        assert on.areas[inner & on.covered].sum() > 0.75 * 0.12 * 0.08
+    plan = proposed(mesh, tmp_path).plan
+    (tmp_path / "link.plan.json").write_text(json.dumps(plan_document(plan)))
+    taxels = [p.taxels for p in calibrate(load_plan(tmp_path / "link.plan.json")).calibration.patches]
+    heights = np.concatenate([t.positions_link[t.normals_link[:, 2] > 0.9, 2] for t in taxels])
+    assert (np.abs(heights - 0.004) < 1e-6).sum() > 20 and (np.abs(heights - 0.068) < 1e-6).sum() > 20
+
+
+def test_what_is_in_front_is_cut_away_where_most_area_is_behind():
+    """Three plates: the cuts are in both gaps, and none where the gap is 5 mm, in which no skin is wanted."""
+    plates = [box((0, 0, z), (0.05, 0.04, z + 0.002)) for z in (0.0, 0.03, 0.06, 0.067)]
+    on = LinkPoints.of(welded(together(*map(subdivided, plates))))
+    heights = sorted(cut.point[2] for cut in cuts_in_front(on, np.array((0.0, 0.0, 1.0)), 7e-4))
+    assert heights == pytest.approx([0.016, 0.046], abs=1e-3)
 
 
 def test_what_is_not_free_stays_uncovered(tube):
