@@ -4,16 +4,17 @@
 import bpy
 from mathutils import Vector
 
-from ..skin_calib_addon.blender.live.advice import REFUSAL, hidden_surface, offered, warning_at
+from ..skin_calib_addon.blender.live import updates
+from ..skin_calib_addon.blender.live.advice import REFUSAL, give_up, hidden_surface, offered, warning_at
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.overlay.layers import place_of
-from ..skin_calib_addon.blender.scene import link_meshes, link_objects
+from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
+from ..skin_calib_addon.common.errors import SkinCalibError
+from ..skin_calib_addon.pipeline.remedies import MARGIN_STEP, mends
 from .lists import INDEX
 from .on_link import OnLink
-
-# [fraction of the longest side] that Widen Margin adds at both ends. Larger: less of the link is covered.
-MARGIN_STEP = 0.02
+from .working import Working
 
 
 class OnWarning(OnLink):
@@ -52,24 +53,45 @@ class SKIN_OT_show_warning(OnWarning, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class SKIN_OT_take_advice(OnWarning, bpy.types.Operator):
-    """Show the surface of this warning in the panels, and do there what it advises"""
+class SKIN_OT_take_advice(Working, OnWarning, bpy.types.Operator):
+    """Do what this warning advises, if a trial shows that it helps, on its surface, which the panels then show"""
 
     bl_idname = "skin_calib.take_advice"
     bl_label = "Do What It Advises"
 
-    def execute(self, context):
-        plan, warning = context.object.skin_calib, warning_at(context.object, self.index)
-        offers = list(offered(warning, plan, metres_per_unit(context.scene))) if warning else []
+    doing = "Trying a change of"
+
+    def task(self, context):
+        link, metre = context.object, metres_per_unit(context.scene)
+        warning = warning_at(link, self.index)
+        offers = list(offered(warning, link.skin_calib, metre)) if warning else []
         if not offers:
-            self.report({"WARNING"}, "No button does what this warning advises")
-            return {"CANCELLED"}
-        (action, properties), surface = offers[0], hidden_surface(warning, plan)
-        if surface is not None:
-            bpy.ops.skin_calib.surface_show(index=surface)
-        module, name = action.operator.split(".")
-        getattr(getattr(bpy.ops, module), name)(**properties)
-        return {"FINISHED"}
+            raise SkinCalibError("No button does what this warning advises")
+        action, properties = offers[0]
+        self.given = warning, action, properties
+        if not action.change:
+            return lambda begin: True
+        plan, facets = plans.read_plan(link, context.scene), updates.facets_of(link)
+        return lambda begin: mends(action.change, plan, facets.mesh(), warning)
+
+    def store(self, context, link, helps):
+        """Make the change, or leave the plan as it is and do not offer it again."""
+        warning, action, properties = self.given
+        if not helps:
+            give_up(link, warning, action)
+            drawing.redraw()
+            raise SkinCalibError(f"{action.text} was tried, and does not mend it. The plan is unchanged")
+        with context.temp_override(object=link, active_object=link):
+            surface = hidden_surface(warning, link.skin_calib)
+            if surface is not None:
+                bpy.ops.skin_calib.surface_show(index=surface)
+            module, name = action.operator.split(".")
+            getattr(getattr(bpy.ops, module), name)(**properties)
+
+    def refuse(self, error):
+        """Report why nothing was changed."""
+        self.report({"WARNING"}, str(error))
+        return {"CANCELLED"}
 
 
 class SKIN_OT_margin_widen(OnLink, bpy.types.Operator):

@@ -97,7 +97,7 @@ def draw_warning(layout, plan, warning, index):
         show.index = index
     metre = metres_per_unit(bpy.context.scene)
     for action, properties in list(offered(warning, plan, metre))[:1]:
-        if hidden_surface(warning, plan) is not None:
+        if action.change or hidden_surface(warning, plan) is not None:
             row.operator("skin_calib.take_advice", text=action.text).index = index
             continue
         button = row.operator(action.operator, text=action.text)

@@ -145,11 +145,27 @@ def test_sheet_beyond_the_edge_is_trimmed(bpy, link, advice):
 def test_open_section_offers_a_sector(bpy, link, advice):
     """Half a tube has no closed section: the refusal has the place of the gap, and the button makes it a sector."""
     cut = link.skin_calib.cover.cuts.add()
-    cut.point, cut.normal = (0, 0.01, 0.06), (0, 1, 0)
+    cut.point, cut.normal = (0.005, 0, 0.06), (1, 0, 0)
     refused(bpy)
     assert advice.warning_at(link, advice.REFUSAL).where.point is not None
-    assert press(bpy, advice, link, advice.REFUSAL) == "Use a Sector"
-    assert link.skin_calib.grid.kind == "sector"
+    assert "Do What It Advises" in draw(bpy, "status")
+    assert bpy.ops.skin_calib.take_advice(index=advice.REFUSAL) == {"FINISHED"}
+    assert link.skin_calib.grid.kind == "sector" and bpy.ops.skin_calib.fit() == {"FINISHED"}
+
+
+def test_advice_that_does_not_help_changes_nothing_and_is_followed_by_the_next(bpy, link, advice):
+    """Half a tube on the other side of the first sector: neither a sector nor a margin mends it, so a proposal does."""
+    cut = link.skin_calib.cover.cuts.add()
+    cut.point, cut.normal = (-0.005, 0, 0.06), (-1, 0, 0)
+    refused(bpy)
+    margin = link.skin_calib.grid.margin
+    for text in ("Use a Sector", "Widen the Margin"):
+        offers = advice.offered(advice.warning_at(link, advice.REFUSAL), link.skin_calib, 1.0)
+        assert next(offers)[0].text == text and "Do What It Advises" in draw(bpy, "status")
+        assert bpy.ops.skin_calib.take_advice(index=advice.REFUSAL) == {"CANCELLED"}
+        assert link.skin_calib.grid.kind == "tube" and link.skin_calib.grid.margin == margin
+    (action, _), *others = advice.offered(advice.warning_at(link, advice.REFUSAL), link.skin_calib, 1.0)
+    assert action.text == "Propose" and not others
 
 
 def test_show_marks_the_place_of_a_warning_over_everything(bpy, link, advice, extension):

@@ -15,6 +15,8 @@ from ..scene.warnings import read_warning
 from . import updates
 
 Properties = dict[str, Any] | None  # of an operator; None: it does not apply
+Vain = tuple[int, str, tuple[float, ...] | None, str]  # uid of a link, code and place of a warning, change
+_vain: set[Vain] = set()  # changes that were tried, and did not help
 REFUSAL = -1  # index of the refusal of the last fit, among the warnings of the result
 
 
@@ -25,6 +27,7 @@ class Action:
     operator: str
     text: str
     properties: Callable[[Warning, "Subject", float], Properties]  # of warning, subject, metre
+    change: str = ""  # of `pipeline.remedies`, which is tried first; empty: it helps always
 
 
 @dataclass(frozen=True)
@@ -35,15 +38,17 @@ class Subject:
     region: str  # of a grid by tolerance
     shell: str
     skins: Any
+    is_alone: bool  # whether it is the only surface
+    is_proposed: bool  # whether the plan of the link is a proposal
 
     @classmethod
     def of(cls, warning: Warning, plan: Any) -> "Subject":
         """Return the surface that a warning names, or the one that the panels show."""
-        index = hidden_surface(warning, plan)
+        index, common = hidden_surface(warning, plan), (plan.skins, len(surface_names(plan)) == 1, bool(plan.proposed))
         if index is None:
-            return cls(plan.grid.kind, plan.grid.region, plan.cover.shell, plan.skins)
+            return cls(plan.grid.kind, plan.grid.region, plan.cover.shell, *common)
         surface = other_surface(plan, index)
-        return cls(*grid_kind(surface.grid), surface.cover.shell, plan.skins)
+        return cls(*grid_kind(surface.grid), surface.cover.shell, *common)
 
 
 def hidden_surface(warning: Warning, plan: Any) -> int | None:
@@ -130,10 +135,16 @@ def _paint(warning: Warning, on: Subject, _metre: float) -> Properties:
     return {"skin": found[0]} if found and found[1].kind == "hexagons" else None
 
 
-CUT = Action("skin_calib.cut_add", "Cut Here", _cut)
-SECTOR = Action("wm.context_set_enum", "Use a Sector", _sector)
-MARGIN = Action("skin_calib.margin_widen", "Widen the Margin", _margin)
-SEEN = Action("wm.context_set_enum", "Keep What Is Seen", _seen)
+def _propose(warning: Warning, on: Subject, _metre: float) -> Properties:
+    """Return that a refused link gets a proposal, if it has none."""
+    return {} if warning.severity == "error" and on.is_alone and not on.is_proposed else None
+
+
+CUT = Action("skin_calib.cut_add", "Cut Here", _cut, "cut")
+SECTOR = Action("wm.context_set_enum", "Use a Sector", _sector, "sector")
+MARGIN = Action("skin_calib.margin_widen", "Widen the Margin", _margin, "margin")
+SEEN = Action("wm.context_set_enum", "Keep What Is Seen", _seen, "seen")
+PROPOSE = Action("skin_calib.propose", "Propose", _propose)
 AXIS = Action("skin_calib.axis_from_sections", "Pick the Axis", _margin)
 HOLES = Action("skin_calib.show_defects", "Select Holes", lambda *_: {})
 TRIM = Action("wm.context_set_boolean", "Trim the Sheet", _trim)
@@ -142,8 +153,8 @@ PAINT = Action("skin_calib.boards_paint", "Paint Boards", _paint)
 # By the code of a warning, or the class of an error: the actions, the first that applies is offered; or why there is
 # none. docs/troubleshooting.md explains the codes.
 ACTIONS: dict[str, tuple[Action, ...] | str] = {
-    "off-mesh": (CUT, SECTOR),
-    "folded": (SECTOR, CUT),
+    "off-mesh": (CUT, SECTOR, PROPOSE),
+    "folded": (SECTOR, CUT, PROPOSE),
     "nearly-folded": (MARGIN,),
     "missing-samples": (HOLES,),
     "dropped-curves": (SEEN,),
@@ -161,7 +172,7 @@ ACTIONS: dict[str, tuple[Action, ...] | str] = {
     "strain": "where the sheet goes instead is a decision of the author; it has a handle",
     "skins-overlap": "which of the two skins moves is a decision of the author; both have handles",
     "no-uncertainty": "it follows from strain or a fold, which have their own warnings",
-    "EmptySection": (SECTOR, MARGIN),
+    "EmptySection": (SECTOR, MARGIN, PROPOSE),
     "OutsideSurface": (TRIM,),
     "UnreachableTolerance": (Action("wm.context_set_float", "Allow This Error", _tolerance),),
     "UnderdeterminedFit": "the message has the number that is needed",
@@ -203,8 +214,27 @@ def offered(warning: Warning, plan: Any, metre: float) -> Iterator[tuple[Action,
     on = Subject.of(warning, plan)
     for action in actions if isinstance(actions, tuple) else ():
         properties = action.properties(warning, on, metre)
-        if properties is not None:
+        if properties is not None and _trial(plan.id_data, warning, action) not in _vain:
             yield action, properties
+
+
+def give_up(link: bpy.types.Object, warning: Warning, action: Action) -> None:
+    """Do not offer an action for a warning any more: it was tried, and does not help.
+
+    Parameters
+    ----------
+    link : Object
+        The link.
+    warning : Warning
+        Of its fit or of its refusal.
+    action : Action
+        One that was offered.
+    """
+    _vain.add(_trial(link, warning, action))
+
+
+def _trial(link: bpy.types.Object, warning: Warning, action: Action) -> Vain:
+    return link.session_uid, warning.code, warning.where.point, action.change
 
 
 def warning_at(link: bpy.types.Object, index: int) -> Warning | None:

@@ -1,0 +1,99 @@
+"""Whether a simple change of a plan mends a surface: the window tries it before it makes it."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ..common.errors import SkinCalibError
+from ..common.warnings import Warning
+from ..geometry.grid.cut_planes import cut_normal
+from ..geometry.grid.grids import Grid, Sector, Size, Tube
+from ..geometry.mesh.cover import Cut
+from ..geometry.mesh.triangle_mesh import TriangleMesh
+from ..plan.plan import Plan, Surface
+from .calibrate import cut_for, fit_of
+
+# [rad] of a new sector, from the side of the link's x axis; the window starts with the same.
+FIRST_SECTOR = -1.5, 1.5
+# [fraction of the longest side of the link] that a wider margin adds at both ends. Larger: less of the link is covered.
+MARGIN_STEP = 0.02
+
+
+def mends(change: str, plan: Plan, mesh: TriangleMesh, problem: Warning) -> bool:
+    """Return whether a change mends a problem of a surface: after it the surface is fitted without this warning.
+
+    Parameters
+    ----------
+    change : "cut", "sector", "margin" or "seen"
+        A cut across the link at the place of the problem, a part of the turn of a tube, a wider margin, or only the
+        faces that can be seen from outside.
+    plan : Plan
+        The plan.
+    mesh : TriangleMesh
+        Of the link, in its frame [m].
+    problem : Warning
+        Of the fit, or its refusal, which has the severity "error". If it names no surface, it is about the only one.
+    """
+    surface = next((one for one in plan.surfaces if one.name == problem.where.surface), plan.surfaces[0])
+    changed = CHANGES[change](surface, mesh, problem)
+    if changed is None:
+        return False
+    try:
+        fit = fit_of(plan, changed, cut_for(plan, changed, mesh))
+    except SkinCalibError:
+        return False
+    return problem.severity == "error" or problem.code not in {warning.code for warning in fit.warnings}
+
+
+def _changeable(surface: Surface) -> Grid | None:
+    """Return the grid of a surface if its region may be changed."""
+    grid = surface.grid
+    if isinstance(grid, Grid) and isinstance(grid.size, Size) and not grid.region.boundary:
+        return grid
+    return None
+
+
+def _cut(surface: Surface, mesh: TriangleMesh, problem: Warning) -> Surface | None:
+    """Return a surface with a cut across the link at the place of a problem."""
+    grid, point = _changeable(surface), problem.where.point
+    if grid is None or point is None:
+        return None
+    axis = grid.region.axis
+    normal = cut_normal(mesh, np.array(point), None if axis is None else np.array(axis.direction))
+    x, y, z = normal.tolist()
+    return replace(surface, cover=replace(surface.cover, cuts=(*surface.cover.cuts, Cut(point, (x, y, z)))))
+
+
+def _sector(surface: Surface, _mesh: TriangleMesh, _problem: Warning) -> Surface | None:
+    """Return a surface over a part of the turn of a tube."""
+    grid = _changeable(surface)
+    if grid is None or not isinstance(grid.region, Tube):
+        return None
+    start, stop = FIRST_SECTOR
+    region = Sector(grid.region.axis, grid.region.margin, start=start, stop=stop)
+    return replace(surface, grid=replace(grid, region=region))
+
+
+def _margin(surface: Surface, mesh: TriangleMesh, _problem: Warning) -> Surface | None:
+    """Return a surface that leaves more of both ends free."""
+    grid = _changeable(surface)
+    if grid is None:
+        return None
+    margin = (grid.region.margin or 0.0) + MARGIN_STEP * float(np.ptp(mesh.vertices, axis=0).max())
+    return replace(surface, grid=replace(grid, region=replace(grid.region, margin=margin)))
+
+
+def _seen(surface: Surface, _mesh: TriangleMesh, _problem: Warning) -> Surface | None:
+    """Return a surface of the faces that can be seen from outside."""
+    if _changeable(surface) is None or surface.cover.shell == "seen":
+        return None
+    return replace(surface, cover=replace(surface.cover, shell="seen"))
+
+
+CHANGES: dict[str, Callable[[Surface, TriangleMesh, Warning], Surface | None]] = {
+    "cut": _cut,
+    "sector": _sector,
+    "margin": _margin,
+    "seen": _seen,
+}
