@@ -153,13 +153,13 @@ PAINT = Action("skin_calib.boards_paint", "Paint Boards", _paint)
 # By the code of a warning, or the class of an error: the actions, the first that applies is offered; or why there is
 # none. docs/troubleshooting.md explains the codes.
 ACTIONS: dict[str, tuple[Action, ...] | str] = {
-    "off-mesh": (CUT, SECTOR, PROPOSE),
+    "off-mesh": (CUT, SEEN, SECTOR, PROPOSE),
     "folded": (SECTOR, CUT, PROPOSE),
-    "nearly-folded": (MARGIN,),
+    "nearly-folded": (MARGIN, CUT, SECTOR),
     "missing-samples": (HOLES,),
     "dropped-curves": (SEEN,),
     "not-converged": (AXIS,),
-    "undercut": (CUT,),
+    "undercut": (CUT, SECTOR),
     "chords-refused": (Action("wm.context_set_boolean", "Follow the Facets", _facets),),
     "outlier-vertices": "the fit leaves these vertices out already",
     "short-surface": "only the author knows whether the open part carries skin",
