@@ -62,9 +62,14 @@ def load_robot_set(path: str | os.PathLike[str]) -> RobotSet:
     Raises
     ------
     CalibrationFormatError
-        If the file cannot be read, or is invalid; ``findings`` lists all problems.
+        If the folder has no such file, or it cannot be read, or is invalid; ``findings`` lists all problems.
     """
     file = robot_file(path)
+    if os.path.isdir(path) and not os.path.lexists(file):
+        raise CalibrationFormatError(
+            f"cannot read '{path}': it is a folder without {FILE}, which lists the calibrations of a robot. "
+            f"It is written by skin-calib fit PLANS -o {path}, also for calibrations that are up to date."
+        )
     document, findings = parse(read(file))
     findings = tuple(findings) or check_robot_document(document)
     if findings:
@@ -111,7 +116,7 @@ def load_links(path: str | os.PathLike[str]) -> dict[str, LinkCalibration]:
         If a file is missing or invalid, is of another link, or has changed, or if a channel is used twice.
     """
     file = robot_file(path)
-    robot = load_robot_set(file)
+    robot = load_robot_set(path)
     calibrations, findings = calibrations_of(robot, file.parent)
     errors = tuple(finding for finding in findings if finding.severity == "error")
     if errors:
@@ -167,6 +172,43 @@ def calibrations_of(robot: RobotSet, folder: Path) -> tuple[dict[str, LinkCalibr
             findings.append(error("first-channel", child("", "links", k, "first_channel"), message, link.first_channel))
         calibrations[link.link] = calibration
     return calibrations, (*findings, *_used_twice(robot, calibrations))
+
+
+def unlisted(robot: RobotSet, folder: Path) -> Iterator[Finding]:
+    """Yield an error for each calibration in the folder that the set does not list: a loaded robot has no such skin.
+
+    Parameters
+    ----------
+    robot : RobotSet
+        The set.
+    folder : Path
+        Its folder.
+    """
+    listed = {link.calibration for link in robot.links}
+    files = {link.link: link.calibration for link in robot.links}  # one of each link
+    for path in sorted(folder.glob("*.calibration.json")):
+        if path.name in listed:
+            continue
+        message = f"does not list {show(path.name)}"
+        if (link := link_of(path)) is None:
+            yield error("not-listed", "/links", f"{message}, which cannot be read; mend or remove it, and fit again")
+        elif (other := files.setdefault(link, path.name)) != path.name:
+            yield error(
+                "same-link",
+                "/links",
+                f"{message}, which is of the link {show(link)}, as {show(other)} is; remove one, and fit again",
+            )
+        else:
+            advice = "fit into this folder again, or remove it"
+            yield error("not-listed", "/links", f"{message}, which is of the link {show(link)}; {advice}")
+
+
+def link_of(calibration: Path) -> str | None:
+    """Return the link of a calibration file; None if it cannot be read."""
+    try:
+        return load_calibration(calibration).link
+    except CalibrationFormatError:
+        return None
 
 
 def _used_twice(robot: RobotSet, calibrations: dict[str, LinkCalibration]) -> Iterator[Finding]:
@@ -236,9 +278,8 @@ def check_robot_document(document: Any) -> tuple[Finding, ...]:
 
 
 def is_robot(path: str | os.PathLike[str]) -> bool:
-    """Return whether a path is that of ``robot.json``, or of a folder that has one."""
-    file = robot_file(path)
-    return file.name == FILE and os.path.isfile(file)
+    """Return whether a path is that of ``robot.json``, or of a folder, which should have one."""
+    return os.path.isdir(path) or (Path(path).name == FILE and os.path.isfile(path))
 
 
 def robot_file(path: str | os.PathLike[str]) -> Path:

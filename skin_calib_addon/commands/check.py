@@ -13,6 +13,8 @@ from ..common.errors import CalibrationFormatError, OutputError, SkinCalibError,
 from ..common.file_hash import file_hash
 from ..common.findings import Finding, did_you_mean, error, printable, show, warning
 from ..common.strict_json import parse, read
+from ..pipeline.robot_folder import same_link
+from ..pipeline.sources import FILE as SOURCES
 from ..pipeline.sources import changed_inputs, find_mesh, is_same_mesh, lost_plan
 from ..plan import FORMAT, check_plan_wholly, load_plan
 from ..robot.link_mesh import is_urdf, plan_mesh_files
@@ -46,7 +48,10 @@ def run(options: argparse.Namespace) -> int:
     files = list(_files(options.files))
     if options.mesh is not None and len(files) != 1:
         raise OutputError(f"--mesh needs exactly one file; {len(files)} files are given.")
-    return max([_check_one(path, options.mesh) for path in files])
+    code = max([_check_one(path, options.mesh) for path in files])
+    for folder in options.files:
+        _check_folder(folder)
+    return code
 
 
 def _files(named: Iterable[Path]) -> Iterator[Path]:
@@ -86,10 +91,24 @@ def _check_one(path: Path, mesh: Path | None) -> int:
     return WRONG_DATA if errors else DONE
 
 
+def _check_folder(folder: Path) -> None:
+    """Warn of a folder whose calibrations ``fit`` has written without ``robot.json``, for example after Ctrl+C."""
+    if os.path.isfile(folder / SOURCES) and not os.path.lexists(folder / robot_set.FILE):
+        found = {path.name: robot_set.link_of(path) for path in sorted(folder.glob("*.calibration.json"))}
+        links = {name: link for name, link in found.items() if link is not None}
+        why = "fit into this folder again, which writes it"
+        if both := same_link(links):
+            why = f"fit writes none, because {both}"
+        if links:
+            say(str(warning("no-robot", robot_set.FILE, f"is missing, and the links are no robot without it: {why}")))
+            say(f"{folder / robot_set.FILE}: 0 errors, 1 warning")
+
+
 def _check_robot(path: Path) -> Iterator[Finding]:
     """Yield the problems of the links of a robot together, and those of its URDF."""
     robot = robot_set.load_robot_set(path)
     yield from robot_set.calibrations_of(robot, path.parent)[1]
+    yield from robot_set.unlisted(robot, path.parent)
     if robot.urdf is None:
         return
     now = file_hash(path.parent / robot.urdf.file)

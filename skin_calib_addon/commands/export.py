@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..calibration.exchange import FORMATS, WRITABLE, only_patches
 from ..calibration.file import load_calibration
-from ..calibration.robot_set import FILE, calibrations_of, is_robot, load_robot_set, robot_file
+from ..calibration.robot_set import FILE, calibrations_of, is_robot, load_robot_set, robot_file, unlisted
 from ..common.atomic_file import check_writable, make_folder, write_bytes_safely
 from ..common.errors import OutputError, SkinCalibError, counted
 from ..robot.mjcf import MARK, robot_mjcf
@@ -70,6 +70,7 @@ def _export_robot(options: argparse.Namespace) -> int:
     if robot.urdf is None:
         raise SkinCalibError(f"{FILE} names no URDF. {FIT_WITH_URDF}")
     calibrations, findings = calibrations_of(robot, folder)
+    findings += tuple(unlisted(robot, folder))
     problems = [f"{FILE}: {finding}" for finding in findings if finding.severity == "error"]
     urdf = folder / robot.urdf.file
     mesh_folder = options.output.with_name(f"{options.output.stem}_meshes")

@@ -148,7 +148,8 @@ def run(options: argparse.Namespace) -> int:
                 if plan := lost_plan(path):
                     complain(f"warning: {path.name} stays in {FILE}, but its plan {plan} is missing. Remove it.")
         except CalibrationFormatError as problem:
-            complain(f"warning: {FILE} is not up to date: {problem}")
+            complain(f"{FILE} is not up to date: {problem}")
+            code = max(code, WRONG_DATA)
     return max(code, proposed)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..calibration.file import load_with_warnings
 from ..calibration.model import LinkCalibration
-from ..calibration.robot_set import FILE, RobotSet, calibrations_of, is_robot, load_robot_set, robot_file
+from ..calibration.robot_set import FILE, RobotSet, calibrations_of, is_robot, load_robot_set, robot_file, unlisted
 from ..common.errors import counted
 from ..common.findings import show
 from ..pipeline.report import area_table, covered_area, robot_table, seen_area, table
@@ -58,6 +58,7 @@ def run(options: argparse.Namespace) -> int:
 def _show_robot(options: argparse.Namespace) -> int:
     robot = load_robot_set(options.file)
     calibrations, findings = calibrations_of(robot, robot_file(options.file).parent)
+    findings += tuple(unlisted(robot, robot_file(options.file).parent))
     say(robot_table(robot, calibrations))
     for finding in findings:
         complain(f"{FILE}: {finding}")

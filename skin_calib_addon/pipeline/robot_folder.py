@@ -1,13 +1,15 @@
 """The folder of a robot: plans, calibrations, their sources, and ``robot.json``."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from ..calibration.file import save_calibration
 from ..calibration.robot_set import FILE, RobotLink, RobotSet, UrdfFile, load_robot_set, robot_link, save_robot_set
+from ..common.errors import CalibrationFormatError
 from ..common.file_hash import file_hash
+from ..common.findings import show
 from ..plan import Plan
 from ..robot.link_mesh import is_urdf
 from ..robot.urdf import Robot, read_robot
@@ -71,6 +73,8 @@ def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> None:
     links = [robot_link(folder, path.name) for path in sorted(folder.glob("*.calibration.json"))]
     if not (robot or before.links) and len({link.link for link in links}) < len(links):
         return
+    if both := same_link({link.calibration: link.link for link in links}):
+        raise CalibrationFormatError(f"{both}. Remove one of them, and fit again.")
     if urdf is None and (urdf := _urdf_of_sources(folder, links, before)):
         robot = read_robot(urdf)
     by_name = {link.link: link for link in before.links}
@@ -84,6 +88,21 @@ def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> None:
         now = replace(now, robot=robot.name or urdf.stem, urdf=file)
     if now != before:
         save_robot_set(now, folder)
+
+
+def same_link(links: Mapping[str, str]) -> str:
+    """Return a clause that names two calibrations of one link; empty if each link has one.
+
+    Parameters
+    ----------
+    links : mapping of str to str
+        The links of the calibrations by their files.
+    """
+    files: dict[str, str] = {}
+    for file, link in links.items():
+        if (other := files.setdefault(link, file)) != file:
+            return f"{other} and {file} are of the same link {show(link)}"
+    return ""
 
 
 def _urdf_of_sources(folder: Path, links: Sequence[RobotLink], before: RobotSet) -> Path | None:

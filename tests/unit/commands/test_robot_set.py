@@ -198,15 +198,55 @@ def test_calibrations_outside_of_the_folder_are_refused(robot, name):
 
 
 def test_several_calibrations_of_one_link_are_no_robot(robot, capsys):
-    """Without a URDF no file is written; a file that is there stays, with a warning."""
+    """Without a URDF no file is written; a file that is there stays, with an error."""
     write_plan(robot, "other", link="arm", mesh="arm.ply")
     before = (robot / "out" / "robot.json").read_bytes()
-    assert main(["fit", str(robot), "-o", str(robot / "out")]) == 0
-    assert "robot.json is not up to date" in capsys.readouterr().err
+    assert main(["fit", str(robot), "-o", str(robot / "out")]) == 1
+    words = 'arm.calibration.json and other.calibration.json are of the same link "arm". Remove one of them'
+    assert f"robot.json is not up to date: {words}" in capsys.readouterr().err
     assert (robot / "out" / "robot.json").read_bytes() == before
     (robot / "new").mkdir()
     assert main(["fit", str(robot), "-o", str(robot / "new")]) == 0
     assert not (robot / "new" / "robot.json").exists() and capsys.readouterr().err == ""
+    assert main(["check", str(robot / "new")]) == 0
+    assert 'calibration.json are of the same link "arm" [no-robot]' in capsys.readouterr().out
+
+
+def test_calibrations_that_the_set_does_not_list_are_errors(robot, capsys):
+    """Of a link that the loaded robot then lacks, of a link that it has, and one that cannot be read."""
+    edit(robot, bus=["can0", "can1"])
+    path = robot / "out" / "robot.json"
+    document = json.loads(path.read_text())
+    document["links"].pop()  # the hand
+    path.write_text(json.dumps(document))
+    (robot / "out" / "copy.calibration.json").write_bytes((robot / "out" / "arm.calibration.json").read_bytes())
+    (robot / "out" / "other.calibration.json").write_text("{")
+    code, lines = check(robot, capsys)
+    same = 'which is of the link "arm", as "arm.calibration.json" is; remove one, and fit again [same-link]'
+    lines = [line for line in lines if line.startswith("error: /links")]
+    assert code == 1 and len(lines) == 3 and f'error: /links does not list "copy.calibration.json", {same}' == lines[0]
+    assert 'does not list "hand.calibration.json", which is of the link "hand"' in lines[1] and "other" in lines[2]
+    assert main(["show", str(robot / "out")]) == 1 and capsys.readouterr().err.count("does not list") == 3
+
+
+def test_folder_without_the_set_says_so(robot, capsys):
+    """As after Ctrl+C: every command that needs the set names the one that writes it, and check warns."""
+    out = robot / "out"
+    (out / "robot.json").unlink()
+    code, lines = check(robot, capsys)
+    assert code == 0 and lines[-1] == f"{out / 'robot.json'}: 0 errors, 1 warning"
+    words = "fit into this folder again, which writes it [no-robot]"
+    assert lines[-2] == f"warning: robot.json is missing, and the links are no robot without it: {words}"
+    words = f"'{out}': it is a folder without robot.json, which lists the calibrations of a robot. It is written by"
+    for call in (["show"], ["export", "--to", "mjcf", "-o", str(robot / "robot.xml")]):
+        assert main([*call, str(out)]) == 1
+        assert words in capsys.readouterr().err
+    with pytest.raises(CalibrationFormatError, match="a folder without robot.json"):
+        Body.load(out)
+    assert main(["fit", str(robot), "-o", str(out)]) == 0 and check(robot, capsys)[0] == 0
+    os.remove(out / "sources.json")  # a folder that is not of a fit
+    (out / "robot.json").unlink()
+    assert not check(robot, capsys)[1]
 
 
 def test_show_lists_all_links(robot, capsys):
