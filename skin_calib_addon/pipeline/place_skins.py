@@ -10,11 +10,12 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ..calibration.exchange import read_taxels
 from ..calibration.model import Patch, TaxelArray
 from ..common.arrays import unit
-from ..common.errors import InvalidPlan, OutsideSurface, SkinCalibError
+from ..common.errors import InvalidPlan, OutsideSurface
 from ..common.warnings import Place, Warning
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.mesh.closest import distance_to
 from ..plan import Plan
+from ..plan.checks import naming_skin
 from ..plan.plan import SURFACE
 from ..plan.skins import BoardSkin, ImportedSkin, SheetSkin, Skin, first_channels
 from ..skin.boards.board_taxels import board_taxels, with_tilts
@@ -87,7 +88,8 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = 
     Raises
     ------
     SkinCalibError
-        If a skin does not fit, two taxels have a channel in common, or imported taxels are in another frame.
+        If a skin does not fit; the message names it, and its surface if there are several.
+        If two taxels have a channel in common, or imported taxels are in another frame.
         If a sheet overlaps itself around the link by more than a tenth of a cell, and its plan does not allow it.
     """
     skins = plan.skins
@@ -97,11 +99,8 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = 
         first = first_channels(skins[: k + 1], [*counts, None])[k]
         assert first is not None  # the counts of all previous skins are known
         name = plan.surface_of(skin)
-        try:
+        with naming_skin(plan, skin):
             done = place_skin(skin, fits[name], first) if draft is None else draft_skin(skin, fits[name], first, draft)
-        except SkinCalibError as error:
-            error.numbers["skin"] = skin.name
-            raise
         placed.append(replace(done, patch=replace(done.patch, surface=name)))
         counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
     first_channels(skins, counts)

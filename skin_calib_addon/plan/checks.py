@@ -62,6 +62,31 @@ def naming_surface(plan: Plan, name: str) -> Iterator[None]:
         raise
 
 
+@contextmanager
+def naming_skin(plan: Plan, skin: Skin) -> Iterator[None]:
+    """Add the name of a skin to the errors about it, and that of its surface if the plan has several.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+    skin : Skin
+        One of its skins.
+    """
+    try:
+        yield
+    except SkinCalibError as error:
+        words, surface = f"Skin {skin.name!r}", plan.surface_of(skin)
+        error.numbers["skin"] = skin.name
+        if len(plan.surfaces) > 1:
+            words += f" on surface {surface!r}"
+            error.numbers["surface"] = surface
+        elif repr(skin.name) in str(error):
+            raise
+        error.args = (f"{words}: {error}",)
+        raise
+
+
 def check_grid(grid: Grid | PlanesGrid) -> None:
     """Refuse a grid with a direction of no length."""
     if isinstance(grid, PlanesGrid):

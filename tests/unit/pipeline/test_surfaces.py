@@ -74,6 +74,23 @@ def test_warnings_and_errors_name_their_surface():
     assert not calibrate(alone, MESH).calibration.warnings[0].message.startswith("Surface")
 
 
+def test_error_of_a_placement_names_skin_and_surface():
+    """The surface only where there are several; a message that has the name of the skin gets it once."""
+    far = {"origin": [-0.2, 0, 0.1]}
+    with pytest.raises(
+        SkinCalibError, match=r"^Skin 'spine' on surface 'back': The origin, .* from the surface"
+    ) as found:
+        calibrate(plan_from(TWO | {"skins": [CHEST, SPINE | far]}), MESH)
+    assert found.value.numbers["skin"] == "spine" and found.value.numbers["surface"] == "back"
+    alone = PLAN | {"surfaces": [FRONT], "skins": [CHEST | {"origin": [0.2, 0, 0.1]}]}
+    with pytest.raises(SkinCalibError, match="^Skin 'chest': The origin"):
+        calibrate(plan_from(alone), MESH)
+    beyond = CHEST | {"origin": [RADIUS, 0, 0.5], "trim": True, "rows": 1, "columns": 1}
+    with pytest.raises(SkinCalibError) as found:
+        calibrate(plan_from(alone | {"skins": [beyond]}), MESH)
+    assert str(found.value).count("'chest'") == 1
+
+
 def test_what_is_wrong_with_the_mesh_is_one_warning_that_names_all_surfaces():
     """A vertex that stands off gives one warning, not one for each surface."""
     vertices = MESH.vertices.copy()
