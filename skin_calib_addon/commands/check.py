@@ -17,6 +17,7 @@ from ..pipeline.robot_folder import same_link
 from ..pipeline.sources import FILE as SOURCES
 from ..pipeline.sources import changed_inputs, find_mesh, is_same_mesh, lost_plan
 from ..plan import FORMAT, check_plan_wholly, load_plan
+from ..proposal.links import plan_warnings
 from ..robot.link_mesh import is_urdf, plan_mesh_files
 from ..robot.urdf import read_robot
 from .common import DONE, WRONG_DATA, complain, named_path, say
@@ -72,7 +73,7 @@ def _check_one(path: Path, mesh: Path | None) -> int:
     document, findings = parse(data)
     if isinstance(document, dict) and document.get("format") == FORMAT:
         findings = tuple(findings) or check_plan_wholly(document)
-        findings = findings or tuple(_missing_files(path, document))
+        findings = findings or tuple(_plan_warnings(path, document))
     elif isinstance(document, dict) and document.get("format") == robot_set.FORMAT:
         findings = tuple(findings) or robot_set.check_robot_document(document) or tuple(_check_robot(path))
     else:
@@ -136,8 +137,8 @@ def _taxels(document: dict[str, Any]) -> int:
     return sum(len(patch["taxels"]["id"]) for patch in document["patches"])
 
 
-def _missing_files(path: Path, document: dict[str, Any]) -> Iterator[Finding]:
-    """Yield a warning for each missing file of a plan."""
+def _plan_warnings(path: Path, document: dict[str, Any]) -> Iterator[Finding]:
+    """Yield a warning for each missing file of a plan, and for each one of its proposal."""
     if not os.path.isfile(path.parent / document["mesh"]):
         yield warning("no-mesh", "/mesh", "does not exist; paths are relative to the folder of the plan")
     elif is_urdf(Path(document["mesh"])):
@@ -145,6 +146,8 @@ def _missing_files(path: Path, document: dict[str, Any]) -> Iterator[Finding]:
             plan_mesh_files(load_plan(path))
         except SkinCalibError as problem:
             yield warning("no-mesh", "/mesh", f"has no mesh for the link: {problem}")
+    for sentence in plan_warnings(path):
+        yield warning("proposal", "/x_proposal", f"warns: {sentence}")
     for k, skin in enumerate(document["skins"]):
         if skin["kind"] == "imported" and not os.path.isfile(path.parent / skin["file"]):
             message = "does not exist; paths are relative to the folder of the plan"

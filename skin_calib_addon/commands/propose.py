@@ -19,10 +19,10 @@ from ..proposal.links import (
     groups,
     numbered,
     plan_path,
+    plan_warnings,
     propose_group,
     propose_task,
     robot_of,
-    unsure_reasons,
 )
 from ..proposal.proposal import Proposal
 from ..proposal.skins import DEFAULT_SKIN, FORMS, SkinChoice, parse_skin
@@ -140,7 +140,7 @@ def propose(
             plans[path] = None
             words = "" if ends[path] is not None else ". Its channels are not known before the fit"
             lines.append((task.link, f"kept: its plan exists; --again replaces it{words}"))
-            lines += [(task.link, f"warning: {reason}") for reason in unsure_reasons(path)]
+            lines += [(task.link, f"warning: {reason}") for reason in plan_warnings(path)]
             continue
         outcome = done[task.link]
         proposal = outcome.proposal

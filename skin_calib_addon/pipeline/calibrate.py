@@ -11,7 +11,7 @@ import numpy as np
 from .. import __version__
 from ..calibration.modality import Modality
 from ..calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
-from ..common.errors import PoorFit, listed
+from ..common.errors import PoorFit, SkinCalibError, listed
 from ..common.warnings import Place, Warning, point_of
 from ..geometry.blas_threads import one_blas_thread
 from ..geometry.fit.auto import fit_grid
@@ -27,6 +27,13 @@ from ..skin.between import overlap_warnings
 from ..skin.warnings import normal_warnings
 from .place_skins import PlacedSkin, place_all
 from .taxel_sigma import unknown_sigma
+
+OUTDATED_PROPOSAL = Warning(
+    "outdated-proposal",
+    "warning",
+    "The mesh has changed since the plan was proposed.",
+    advice="Propose the plan again. In the command line, propose --again replaces it.",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +116,8 @@ def calibrate(
     Raises
     ------
     SkinCalibError
-        If a step fails; the message states what is wrong, where, and what to do.
+        If a step fails; the message states what is wrong, where, and what to do. Also states it if the mesh is not the
+        one for which the plan was proposed.
     """
     known = known or {}
     seconds: dict[str, float] = {}
@@ -118,7 +126,12 @@ def calibrate(
     def stage(name: str) -> Iterator[None]:
         begin(name)
         start = perf_counter()
-        yield
+        try:
+            yield
+        except SkinCalibError as error:
+            if mesh is not None and not plan.is_for(mesh):
+                error.args = (f"{error} {OUTDATED_PROPOSAL.message} {OUTDATED_PROPOSAL.advice}",)
+            raise
         seconds[name] = perf_counter() - start
 
     with stage("load"):
@@ -148,7 +161,7 @@ def calibrate(
         plan.response,
         f"skin-calib {__version__}",
         plan.extra,
-        warnings=warnings_of(fits, placed),
+        warnings=(*(() if plan.is_for(mesh) else (OUTDATED_PROPOSAL,)), *warnings_of(fits, placed)),
         modalities=tuple(_without_disabled(modality, placed) for modality in plan.modalities),
     )
     return Calibrated(calibration, fits, covers, placed, seconds)

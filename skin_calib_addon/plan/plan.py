@@ -10,8 +10,10 @@ from ..calibration.response import AnyResponse, Response
 from ..geometry.fit.diagnosis import MAX_DEVIATION
 from ..geometry.grid.grids import Grid, PlanesGrid
 from ..geometry.mesh.cover import CoverSpec
+from ..geometry.mesh.triangle_mesh import TriangleMesh
 from .skins import ImportedSkin, Skin
 
+PROPOSAL_MESH = "x_proposal_mesh"  # Format: member of a proposed plan, the hash of the mesh for which it was proposed
 SURFACE = "cover"  # name of the surface of a plan of version 1
 
 
@@ -49,6 +51,10 @@ class Plan:
     def surface_of(self, skin: Skin) -> str:
         """Return the name of the surface that a skin of this plan is on."""
         return self.surfaces[0].name if skin.surface is None else skin.surface
+
+    def is_for(self, mesh: TriangleMesh) -> bool:
+        """Return whether a mesh [m] is that of the proposal of this plan; True for any mesh if no proposal made it."""
+        return PROPOSAL_MESH not in self.extra or self.extra[PROPOSAL_MESH] == mesh.sha256
 
 
 def named_from(plan: Plan, folder: Path) -> Plan:

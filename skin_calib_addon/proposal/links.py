@@ -13,10 +13,12 @@ from ..common.errors import SkinCalibError
 from ..geometry.blas_threads import one_blas_thread
 from ..geometry.mesh.triangle_mesh import TriangleMesh, load_mesh
 from ..pipeline import calibrate
+from ..pipeline.calibrate import OUTDATED_PROPOSAL
 from ..plan import Plan, load_plan
+from ..plan.plan import PROPOSAL_MESH
 from ..plan.skins import with_channels
 from ..robot.keep_out import KeepOut, paths_from
-from ..robot.link_mesh import is_urdf, load_urdf_mesh, load_urdf_meshes
+from ..robot.link_mesh import is_urdf, load_plan_mesh, load_urdf_mesh, load_urdf_meshes
 from ..robot.mirrored import Twin, find_twins
 from ..robot.urdf import Robot, read_robot
 from ..skin.boards.layout import forget_layouts
@@ -107,9 +109,19 @@ def propose_task(
 
 
 def _proposal(task: Task, begin: Callable[[str], None]) -> Proposal:
+    """Return the proposal for a link; its plan has the hash of the mesh."""
+    if is_urdf(task.file):
+        found, mesh = _of_robot(task, begin), _mesh_of(task)
+    else:
+        mesh = _mesh_of(task)
+        found = propose_link(task.link, mesh, task.file.absolute(), task.unit, task.choice, begin=begin)
+    if found.plan is None:
+        return found
+    return replace(found, plan=replace(found.plan, extra=found.plan.extra | {PROPOSAL_MESH: mesh.sha256}))
+
+
+def _of_robot(task: Task, begin: Callable[[str], None]) -> Proposal:
     file = task.file.absolute()
-    if not is_urdf(task.file):
-        return propose_link(task.link, _mesh_of(task), file, task.unit, task.choice, begin=begin)
     begin("robot")
     robot = robot_of(task.file)
     unsure = _not_covering(robot, task.link)
@@ -229,13 +241,21 @@ def _not_covering(whole: WholeRobot, link: str) -> tuple[str, ...]:
     )
 
 
-def unsure_reasons(path: Path) -> list[str]:
-    """Return what a plan states about links that can cover its skin, and whose mesh was not read."""
+def plan_warnings(path: Path) -> list[str]:
+    """Return the warnings about a proposed plan that exists, as sentences.
+
+    They are about links that can cover its skin and whose mesh was not read, and about its own mesh if it has changed.
+    """
     try:
-        reasons = load_plan(path).extra.get("x_proposal")
+        plan = load_plan(path)
+        reasons = plan.extra.get("x_proposal")
+        reasons = reasons if isinstance(reasons, list) else []
+        found = [reason for reason in reasons if isinstance(reason, str) and f" {NOT_KNOWN}: " in reason]
+        if PROPOSAL_MESH in plan.extra and not plan.is_for(load_plan_mesh(plan)):
+            found.append(f"{OUTDATED_PROPOSAL.message} {OUTDATED_PROPOSAL.advice}")
+        return found
     except SkinCalibError:
         return []  # ``fit`` says what is wrong with the plan
-    return [k for k in reasons if isinstance(k, str) and f" {NOT_KNOWN}: " in k] if isinstance(reasons, list) else []
 
 
 def own_proposal(task: Task, begin: Callable[[str], None]) -> Proposal:

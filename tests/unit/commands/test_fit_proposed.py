@@ -98,3 +98,28 @@ def test_link_next_to_one_that_cannot_be_read_says_so(urdf, capsys):
     assert said in capsys.readouterr().out
     reasons = load_plan(urdf.parent / "out" / "one.plan.json").extra["x_proposal"]
     assert reasons[0].startswith(words) and reasons[0].endswith("Then propose again.")
+    assert main(["check", str(urdf.parent / "out")]) == 0
+    assert f"warning: /x_proposal warns: {words}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("shift", [0.0001, 0.02], ids=["small", "large"])
+def test_mesh_that_is_not_that_of_the_proposal_is_named(urdf, capsys, shift):
+    """By propose, check and fit, whether the plan still fits or not; a new proposal is of the new mesh."""
+    out, again = str(urdf.parent / "out"), ["propose", str(urdf), "--skin", SKIN, "--only", "one", "-o"]
+    assert main([*again, out]) == 0
+    plan = load_plan(Path(out) / "one.plan.json")
+    assert plan.extra["x_proposal_mesh"] == load_urdf_mesh(urdf, "one").sha256
+    save_mesh(box((0, 0, 0), (0.05, 0.06, 0.07 + shift)), urdf.parent / "one.ply")
+    words = "The mesh has changed since the plan was proposed. Propose the plan again."
+    capsys.readouterr()
+    assert main([*again, out]) == 0 and f"one  warning: {words}" in capsys.readouterr().out
+    assert main(["check", out]) == 0 and f"warning: /x_proposal warns: {words}" in capsys.readouterr().out
+    assert main(["fit", out, "-o", out]) == (shift > 0.01)
+    err = capsys.readouterr().err
+    assert words in err and ("Skin 'one_6' on surface 'surface_6': The origin, " in err or shift < 0.01)
+    if shift < 0.01:  # also of a calibration that is up to date
+        assert main(["fit", out, "-o", out]) == 0 and words in capsys.readouterr().err
+        assert main(["check", out + "/one.calibration.json"]) == 0 and words in capsys.readouterr().out
+    robot_of.cache_clear()
+    assert main([*again, out, "--again"]) == 0 and words not in capsys.readouterr().out
+    assert main(["fit", out, "-o", out]) == 0 and words not in capsys.readouterr().err
