@@ -62,19 +62,20 @@ class PressedRobot:
             self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.start = self.model.jnt_qposadr[self.model.body("sphere").jntadr[0]]
-        self.names, self.neighbours, self.corners = [], [], []
+        self.names, self.links, self.neighbours, self.corners = [], [], [], []
         for link, calibration in load_links(folder).items():
             for patch in calibration.patches:
                 taxels = patch.taxels
                 first, rows = len(self.names), {name: k for k, name in enumerate(taxels.ids)}
                 self.names += [f"{link}/{name}" for name in taxels.ids]
+                self.links += [link] * len(taxels.ids)  # names and ids can have slashes
                 self.neighbours += [{first + rows[n] for n in row if n in rows} for row in taxels.neighbours]
                 self.corners += list(taxels.corners_link - taxels.positions_link[:, None])
         self.sensors = np.array([self.model.sensor(name).adr[0] for name in self.names])
         mujoco.mj_forward(self.model, self.data)
         self.places = np.array([self.data.site(name).xpos for name in self.names])
         self.normals = np.array([self.data.site(name).xmat.reshape(3, 3)[:, 2] for name in self.names])
-        bodies = [self.model.body(name.partition("/")[0]).id for name in self.names]
+        bodies = [self.model.body(link).id for link in self.links]
         self.turns = self.data.xmat[bodies].reshape(-1, 3, 3)  # of the links
 
     def press(self, row, place):
@@ -105,7 +106,7 @@ def measure(folder: Path, count: int = 200, seed: int = 0) -> Presses:
         forces = robot.press(row, robot.point_of(row, rng))
         at_random += forces[row] > 0 and set(np.flatnonzero(forces > 0).tolist()) <= {row} | robot.neighbours[row]
         strongest += int(forces.argmax()) in {row} | robot.neighbours[row]
-    links = len({robot.names[row].partition("/")[0] for row in rows})
+    links = len({robot.links[row] for row in rows})
     return Presses(len(rows), len(rows) - len(wrong), tuple(wrong), int(at_random), int(strongest), links)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from skin_calib_addon.calibration.file import load_calibration, save_calibration
+from skin_calib_addon.cli import main
 from tests.unit.commands.test_bad_robots import plates
 
 pytestmark = pytest.mark.slow
@@ -49,6 +50,24 @@ def test_figures_of_plates_are_those_of_their_geometry(robots, kept):
         assert float(rows[f"largest {row}"].split()[0]) < 0.01
     assert rows["hidden taxels, normals inward, overlapping pairs"] == "0, 0, 0"
     assert re.fullmatch(r"fit --propose [\d.]+, propose [\d.]+, fit [\d.]+, export [\d.]+", rows["CPU seconds"])
+
+
+def test_presses_of_links_whose_names_have_slashes_are_felt(benchmarks, tmp_path):
+    """Sensors are named LINK/ID, and ids have the name of the link, too."""
+    presses = pytest.importorskip("presses")
+    out = tmp_path / "out"
+    call = [
+        "fit",
+        str(plates(tmp_path, ("base", "right/arm"))),
+        "--propose",
+        "-o",
+        str(out),
+        "--skin",
+        "sheet:3x3x10mm",
+    ]
+    assert main(call) == 0
+    found = presses.measure(out, 18)
+    assert (found.count, found.alone, found.links, found.wrong) == (18, 18, 2, ())
 
 
 def test_damage_is_found(robots, kept, tmp_path):
