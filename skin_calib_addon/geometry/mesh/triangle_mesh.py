@@ -24,6 +24,7 @@ FORMATS = ("stl", "ply", "obj", "off", "dae", "glb")
 METRES_PER_UNIT = {"m": 1.0, "mm": 1e-3}
 # Regular expressions for the number of faces that the header of a file announces.
 FACE_COUNTS = {"ply": rb"\nelement\s+face\s+(\d+)", "off": rb"OFF\s+(?:#[^\n]*\n\s*)*\d+\s+(\d+)"}
+STL_FACE_BYTES = 50  # Format: bytes of one face in a binary STL file, after a header of 84 with their number
 ROUND_SIDES = 64  # faces around a cylinder or sphere: it deviates by 0.1 % of its radius. Larger: slower
 MIN_MESH_SIZE = 2e-3  # [m] least size of the mesh of a link; below, the unit is wrong. Smaller: wrong units pass
 MAX_MESH_SIZE = 5.0  # [m] largest size of the mesh of a link; above, the unit is wrong. Larger: wrong units pass
@@ -325,7 +326,7 @@ def read_mesh(path: str | Path) -> TriangleMesh:
 
 
 def check_face_count(path: Path, kind: str, faces: int) -> None:
-    """Check that a text file is not truncated; the readers do not report this.
+    """Check that a file whose header has the number of faces is not truncated; the readers do not report this.
 
     Parameters
     ----------
@@ -342,10 +343,15 @@ def check_face_count(path: Path, kind: str, faces: int) -> None:
         If there are fewer faces than the header of the file announces.
     """
     with open(path, "rb") as file:
-        announced = re.search(FACE_COUNTS[kind], file.read(2**16)) if kind in FACE_COUNTS else None
-    if announced and faces < int(announced[1]):
+        start = file.read(2**16)
+    announced = 0
+    if kind in FACE_COUNTS and (found := re.search(FACE_COUNTS[kind], start)):
+        announced = int(found[1])
+    elif kind == "stl" and 0 in start[80:84]:  # binary: text has no zero bytes
+        announced, faces = int.from_bytes(start[80:84], "little"), (os.path.getsize(path) - 84) // STL_FACE_BYTES
+    if faces < announced:
         raise InvalidMesh(
-            f"{path.name} is truncated: its header announces {int(announced[1])} faces, but {faces} were found. "
+            f"{path.name} is truncated: its header announces {announced} faces, but {faces} were found. "
             "Export it again."
         )
 

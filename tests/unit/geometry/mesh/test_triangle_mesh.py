@@ -176,6 +176,16 @@ def test_read_mesh_refuses_a_file_that_was_cut_off(tmp_path, kind, data):
         read_mesh(path)
 
 
+@pytest.mark.parametrize("faces", [0, 2, 11])
+def test_truncated_stl_states_its_faces(tmp_path, faces):
+    """A binary file has no faces for the reader then; the message has both numbers, whatever the text of the header."""
+    data = trimesh.Trimesh(BLOCK.vertices, BLOCK.faces, process=False).export(file_type="stl")
+    for start in (data[:80], b"solid block".ljust(80)):
+        (tmp_path / "block.stl").write_bytes((start + data[80:])[: 84 + 50 * faces + 20])
+        with pytest.raises(InvalidMesh, match=f"header announces {len(BLOCK.faces)} faces, but {faces} were found"):
+            read_mesh(tmp_path / "block.stl")
+
+
 @pytest.mark.parametrize("kind", FORMATS)
 def test_read_mesh_refuses_a_file_without_faces(tmp_path, kind):
     """A file that is sound and holds points only, or nothing."""
