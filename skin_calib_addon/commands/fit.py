@@ -143,7 +143,8 @@ def run(options: argparse.Namespace) -> int:
     code = _carry_out(jobs, 1 if options.scene_plans else options.jobs)
     if folder and code != INTERRUPTED:
         try:
-            save_robot(folder, robot, urdf)
+            if why := save_robot(folder, robot, urdf):
+                complain(f"warning: {why}")
             for path in sorted(folder.glob("*.calibration.json")):
                 if plan := lost_plan(path):
                     complain(f"warning: {path.name} stays in {FILE}, but its plan {plan} is missing. Remove it.")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..calibration.file import save_calibration
 from ..calibration.robot_set import FILE, RobotLink, RobotSet, UrdfFile, load_robot_set, robot_link, save_robot_set
-from ..common.errors import CalibrationFormatError
+from ..common.errors import CalibrationFormatError, listed
 from ..common.file_hash import file_hash
 from ..common.findings import show
 from ..plan import Plan
@@ -48,7 +48,7 @@ def save_link(result: Calibrated, plan: Plan, path: Path) -> Path:
     return calibration
 
 
-def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> None:
+def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> str:
     """Write ``robot.json``: all calibrations of a folder. Name, URDF and buses of an earlier one stay.
 
     Without an argument, the URDF is the mesh of all plans, if it is the same.
@@ -64,6 +64,11 @@ def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> None:
     urdf : Path, optional
         File of the robot.
 
+    Returns
+    -------
+    str
+        Why the file names no URDF, although plans have their mesh from one; empty otherwise.
+
     Raises
     ------
     CalibrationFormatError
@@ -72,10 +77,11 @@ def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> None:
     before = load_robot_set(folder) if os.path.lexists(folder / FILE) else RobotSet(folder.resolve().name, None, ())
     links = [robot_link(folder, path.name) for path in sorted(folder.glob("*.calibration.json"))]
     if not (robot or before.links) and len({link.link for link in links}) < len(links):
-        return
+        return ""
     if both := same_link({link.calibration: link.link for link in links}):
         raise CalibrationFormatError(f"{both}. Remove one of them, and fit again.")
-    if urdf is None and (urdf := _urdf_of_sources(folder, links, before)):
+    meshes = _meshes_of_sources(folder, links)
+    if urdf is None and (urdf := _only_urdf(folder, meshes, before)):
         robot = read_robot(urdf)
     by_name = {link.link: link for link in before.links}
     for k, link in enumerate(links):
@@ -88,6 +94,11 @@ def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> None:
         now = replace(now, robot=robot.name or urdf.stem, urdf=file)
     if now != before:
         save_robot_set(now, folder)
+    urdfs = sorted(mesh for mesh in meshes if is_urdf(Path(mesh)))
+    if now.urdf or not urdfs:
+        return ""
+    which = f"{'only some' if len(urdfs) == 1 else 'its'} links are from {listed(urdfs)}"
+    return f"{FILE} names no URDF: {which}. Fit the plans of each robot into a folder of its own."
 
 
 def same_link(links: Mapping[str, str]) -> str:
@@ -105,20 +116,24 @@ def same_link(links: Mapping[str, str]) -> str:
     return ""
 
 
-def _urdf_of_sources(folder: Path, links: Sequence[RobotLink], before: RobotSet) -> Path | None:
-    """Return the URDF that has the meshes of all links, by their plans; None if an earlier fit had another URDF.
+def _meshes_of_sources(folder: Path, links: Sequence[RobotLink]) -> set[str]:
+    """Return the meshes of links in a folder, by their plans; an empty name if one is not known."""
+    sources = load_sources(folder)
+    return {sources[link.calibration].mesh if link.calibration in sources else "" for link in links}
+
+
+def _only_urdf(folder: Path, meshes: set[str], before: RobotSet) -> Path | None:
+    """Return the URDF that has the meshes of all links; None if an earlier fit had another URDF.
 
     Parameters
     ----------
     folder : Path
         Has the calibrations.
-    links : sequence of RobotLink
-        All of them.
+    meshes : set of str
+        Of all links.
     before : RobotSet
         The earlier ``robot.json``.
     """
-    sources = load_sources(folder)
-    meshes = {sources[link.calibration].mesh if link.calibration in sources else "" for link in links}
-    mesh = meshes.pop() if len(meshes) == 1 else ""
+    mesh = next(iter(meshes)) if len(meshes) == 1 else ""
     is_other = before.urdf is not None and before.urdf.file != mesh
     return folder / mesh if is_urdf(Path(mesh)) and not is_other else None

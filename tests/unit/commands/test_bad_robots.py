@@ -213,8 +213,8 @@ def test_commands_of_the_readme_follow_each_other(tmp_path, capsys):
     assert [link["parent"] for link in document["links"]] == [None, "middle", "base"]
 
 
-def test_robot_is_that_of_all_plans_or_of_an_earlier_fit(tmp_path):
-    """A plan with a mesh of its own leaves the robot open; a URDF that was named stays."""
+def test_robot_is_that_of_all_plans_or_of_an_earlier_fit(tmp_path, capsys):
+    """A plan with another mesh leaves the robot open, and fit states why; a URDF that was named stays."""
     urdf, out = plates(tmp_path, ("base", "middle", "end")), tmp_path / "out"
 
     def robot():
@@ -225,9 +225,17 @@ def test_robot_is_that_of_all_plans_or_of_an_earlier_fit(tmp_path):
     path = tmp_path / "plans" / "end.plan.json"
     text = path.read_text()
     path.write_text(json.dumps(json.loads(text) | {"mesh": "../2.ply"}))
+    capsys.readouterr()
     assert robot() is None
+    words = "skin-calib: warning: robot.json names no URDF: only some links are from ../bot.urdf. Fit the plans"
+    assert words in capsys.readouterr().err
+    (tmp_path / "second.urdf").write_text(urdf.read_text())
+    path.write_text(json.dumps(json.loads(text) | {"mesh": "../second.urdf"}))
+    assert robot() is None
+    words = "robot.json names no URDF: its links are from ../bot.urdf, ../second.urdf. Fit the plans of each robot"
+    assert words in capsys.readouterr().err
     path.write_text(text)
-    assert robot()["file"] == "../bot.urdf"
+    assert robot()["file"] == "../bot.urdf" and not capsys.readouterr().err
     (tmp_path / "whole.urdf").write_text(urdf.read_text())
     assert main(["fit", str(tmp_path / "whole.urdf"), str(tmp_path / "plans"), "-o", str(out)]) == 0
     assert robot()["file"] == "../whole.urdf"
