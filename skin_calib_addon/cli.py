@@ -3,8 +3,11 @@
 import argparse
 import io
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import NoReturn
 
 # Before NumPy: no threads that are not used. Each calculation takes one (`geometry.blas_threads`).
@@ -29,7 +32,7 @@ def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None =
     Returns
     -------
     int
-        0: success, 1: invalid data, 2: invalid call. Each error is one line on stderr.
+        0: success, 1: invalid data, 2: invalid call, 130: interrupted. Each error is one line on stderr.
     """
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by the caller, as with ">&-"
@@ -39,10 +42,11 @@ def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None =
     ):  # names of links may have characters outside the encoding of the terminal
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        options = build_parser(scene_plans).parse_args(argv)
-        code = options.run(options)
-        sys.stdout.flush()
-        return code
+        with _sigterm_as_ctrl_c():
+            options = build_parser(scene_plans).parse_args(argv)
+            code = options.run(options)
+            sys.stdout.flush()
+            return code
     except BrokenPipeError:  # the reader has closed the pipe, as "| head" does
         _silence_stdout()
         return DONE
@@ -59,6 +63,21 @@ def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None =
     except (OutputError, SkinCalibError) as error:
         complain(str(error))
         return WRONG_CALL if isinstance(error, OutputError) else WRONG_DATA
+
+
+@contextmanager
+def _sigterm_as_ctrl_c() -> Iterator[None]:
+    """Let SIGTERM, which batch systems and ``timeout`` send, interrupt a command as Ctrl+C does: its results stay."""
+    before = signal.getsignal(signal.SIGTERM)
+    # Only the main thread can set handlers; one that Python did not set cannot be restored.
+    if before is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _silence_stdout() -> None:

@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import signal
+from functools import partial
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -399,8 +401,14 @@ def test_joints_of_all_types_and_ranges_are_proposed(tmp_path, capsys, kind):
     assert "4 links, " in out and not err
 
 
-def test_proposals_continue_after_ctrl_c(tmp_path, capsys, monkeypatch):
-    """Plans of finished links are written; the same call does the others, with the same bytes as without Ctrl+C."""
+def ctrl_c():
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("interrupt", [ctrl_c, partial(signal.raise_signal, signal.SIGTERM)], ids=["ctrl_c", "sigterm"])
+def test_proposals_continue_after_an_interruption(tmp_path, capsys, monkeypatch, interrupt):
+    """Plans of finished links are written; the same call does the others, with the same bytes as without it."""
+    handler = signal.getsignal(signal.SIGTERM)
     (tmp_path / "whole").mkdir()
     whole, stopped = plates(tmp_path / "whole", "abc"), plates(tmp_path, "abc")
     assert propose(whole) == 0
@@ -408,12 +416,13 @@ def test_proposals_continue_after_ctrl_c(tmp_path, capsys, monkeypatch):
 
     def interrupted(link, *rest, **more):
         if link == "c":
-            raise KeyboardInterrupt
+            interrupt()
         return original(link, *rest, **more)
 
     with monkeypatch.context() as patch:
         patch.setattr(proposal_links, "propose_link", interrupted)
         assert propose(stopped) == 130
+    assert signal.getsignal(signal.SIGTERM) == handler
     assert sorted(path.name for path in (tmp_path / "plans").iterdir()) == ["a.plan.json", "b.plan.json"]
     capsys.readouterr()
     assert propose(stopped) == 0 and capsys.readouterr().out.count("kept: ") == 2
