@@ -6,6 +6,7 @@ section that folds back behind itself, as seen from the axis, therefore stays of
 """
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -17,12 +18,13 @@ from ..sampling.basis import TensorBasis
 from ..sampling.lines import LineGrid
 from ..sampling.samples import RaySamples, SampleRows, across
 from ..surface.bspline import BSplineSurface
+from ..surface.footpoints import footpoints
 from .diagnosis import nearest_names
-from .error_report import MIN_COVER_COSINE
+from .error_report import MIN_COVER_COSINE, largest_of
 
 # [m] distance of an undercut from the surface above which there is a warning. Larger: fewer warnings.
 UNDERCUT_DISTANCE = 2e-4
-# [1] points of the surface per sample site to which distances are measured. Larger: more accurate, more time.
+# [1] points of a row of the surface per sample site. Larger: sharper bounds of the distances, more time for the curve.
 POINTS_PER_SITE = 8
 
 
@@ -89,18 +91,28 @@ def undercuts(
         if len(segments) == 0:
             continue
         section, curve = segments.mean(axis=1), across(points[None], axes[None])[0]
-        distance, nearest = distances_to_curve(section, curve, lines.closed)
+        bounds, nearest = distances_to_curve(section, curve, lines.closed)
         along = (np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0))[nearest]
         sides = segments[:, 1] - segments[:, 0]
         lengths = np.linalg.norm(along, axis=1) * np.linalg.norm(sides, axis=1)
-        distance[np.abs((along * sides).sum(axis=1)) <= MIN_COVER_COSINE * lengths] = 0.0  # a wall, as at a rim
+        bounds[np.abs((along * sides).sum(axis=1)) <= MIN_COVER_COSINE * lengths] = 0.0  # a wall, as at a rim
+        in_link = origin + section @ axes
         if lines.region is not None:
-            distance[~lines.region(origin + section @ axes)] = 0.0
-        worst = int(np.argmax(distance))
-        column = int(v[nearest[worst]] * (l if lines.closed else l - 1) + 0.5) % l
+            bounds[~lines.region(in_link)] = 0.0
+        folded = np.flatnonzero(bounds)
+        if len(folded) == 0:
+            continue
+        # Another row of the surface can be nearer than the curve in the plane of the section.
+        distance, worst = largest_of(bounds[folded], partial(_distances, surface, in_link[folded]))
+        column = int(v[nearest[folded[worst]]] * (l if lines.closed else l - 1) + 0.5) % l
         names = nearest_names(lines, basis, (int(i), column))
-        found[int(i)] = float(distance[worst]), Place(point_of(origin + section[worst] @ axes), names)
+        found[int(i)] = distance, Place(point_of(in_link[folded[worst]]), names)
     return found
+
+
+def _distances(surface: BSplineSurface, points: Array, chosen: IntArray) -> Array:
+    """Return the distances (i,) of some of the points (k, 3) from the surface [m]."""
+    return footpoints(surface, points[chosen])[1]
 
 
 def distances_to_curve(points: Array, curve: Array, closed: bool) -> tuple[Array, IntArray]:

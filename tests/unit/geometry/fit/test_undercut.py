@@ -15,6 +15,7 @@ from skin_calib_addon.geometry.fit.auto import fit_grid
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from skin_calib_addon.geometry.sampling.basis import spline_sites
 from skin_calib_addon.geometry.sampling.planes import Planes
+from skin_calib_addon.geometry.surface.footpoints import footpoints
 from skin_calib_addon.plan import load_plan
 from tests.shapes import TURN, Z_AXIS, Motion, cone, cylinder, keep, welded, wrist
 
@@ -114,6 +115,17 @@ def test_undercut_in_fanned_planes_is_found():
     heights = np.linspace(0.02, 0.08, 25)
     points = np.column_stack((np.tile(hidden, (25, 1)), np.repeat(heights, len(hidden))))
     assert_allclose(warning.value, cKDTree(surface).query(points)[0].max(), rtol=0.1)
+
+
+def test_distance_of_an_undercut_is_that_from_the_surface():
+    """In tilted sections the curve is farther than the surface."""
+    u = Planes(np.linspace(0.025, 0.075, 5)[:, None] * (0, 0, 1.0), np.tile((0, 0.5, 1.0), (5, 1)))
+    angle = np.arange(15) * np.pi / 15
+    v = Planes(np.zeros((15, 3)), np.column_stack((np.cos(angle), np.sin(angle), 0 * angle)))
+    fit = fit_surface(lobed(1.25), PlanesGrid(u, v, True))
+    (warning,) = undercuts(fit)
+    _, (distance,) = footpoints(fit.surface, np.array([warning.where.point]))
+    assert_allclose(warning.value, distance, rtol=1e-6)
 
 
 def test_undercut_outside_a_sector_is_not_named():
