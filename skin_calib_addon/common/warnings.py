@@ -11,6 +11,33 @@ from .findings import printable
 
 Severity = Literal["error", "warning", "note"]
 
+SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")  # from the worst
+# Codes of a fit and of its skins, from the worst, within a severity; all other codes are after them.
+ORDER = (
+    # the surface is wrong
+    "folded",
+    "off-mesh",
+    "not-converged",
+    "nearly-folded",
+    "undercut",
+    "missing-samples",
+    "planes-nearly-parallel",
+    # taxels are wrong
+    "overlap",
+    "skins-overlap",
+    "over-hole",
+    "oblique",
+    "strain",
+    "board-gap",
+    "board-overhang",
+    "no-uncertainty",
+    # what the fit leaves out
+    "short-surface",
+    "dropped-curves",
+    "outlier-vertices",
+    "chords-refused",
+)
+
 
 @dataclass(frozen=True)
 class Place:
@@ -62,6 +89,12 @@ class Warning:
     def __str__(self) -> str:
         """Return message, advice and code on one line."""
         return printable(f"{self.message} {self.advice}".strip()) + f" [{self.code}]"
+
+
+def worst_first(warnings: Iterable[Warning]) -> list[Warning]:
+    """Return warnings by their severity, and of one severity by ``ORDER``; otherwise in the order that they have."""
+    rank = {code: k for k, code in enumerate(ORDER)}
+    return sorted(warnings, key=lambda w: (SEVERITIES.index(w.severity), rank.get(w.code, len(ORDER))))
 
 
 def point_of(point: Array) -> tuple[float, float, float]:

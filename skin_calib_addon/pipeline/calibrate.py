@@ -12,7 +12,7 @@ from .. import __version__
 from ..calibration.modality import Modality
 from ..calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
 from ..common.errors import PoorFit, SkinCalibError, listed
-from ..common.warnings import Place, Warning, point_of
+from ..common.warnings import Place, Warning, point_of, worst_first
 from ..geometry.blas_threads import one_blas_thread
 from ..geometry.fit.auto import fit_grid
 from ..geometry.fit.surface_fit import SurfaceFit
@@ -250,6 +250,7 @@ def warnings_of(fits: Mapping[str, SurfaceFit], placed: tuple[PlacedSkin, ...]) 
     Returns
     -------
     tuple of Warning
+        The worst one first.
     """
     surfaces: dict[Warning, list[str]] = {}
     for name, fit in fits.items():
@@ -261,7 +262,7 @@ def warnings_of(fits: Mapping[str, SurfaceFit], placed: tuple[PlacedSkin, ...]) 
         found += (*_over_holes(skin.patch, fit), *skin.warnings, *normal_warnings(skin.patch, fit.given_mesh))
         found += unknown_sigma(skin.patch, fit)
     found += overlap_warnings([skin.patch for skin in placed])
-    return tuple(found)
+    return tuple(worst_first(found))
 
 
 def _naming(names: list[str], warning: Warning) -> Warning:

@@ -19,7 +19,7 @@ from skin_calib_addon.geometry import (
 )
 from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.pipeline import calibrate
-from skin_calib_addon.plan import load_plan
+from skin_calib_addon.plan import load_plan, plan_from
 
 ROOT = Path(__file__).parents[2]
 DATA = (ROOT / ".." / "shared" / "data" / "meshes").resolve()
@@ -144,6 +144,15 @@ def test_what_is_seen_of_a_real_link_is_fitted_or_refused(path):
         assert len(str(error)) > 20
         return
     assert fit.errors.surface_to_mesh.max < 0.01
+
+
+def test_warnings_of_a_link_begin_with_the_worst():
+    """A surface 5 mm off the upper arm of the iCub comes before a vertex that the fit leaves out."""
+    plan = {"format": "skin-plan", "version": 1, "link": "arm", "mesh": "arm.stl", "unit": "m", "skins": []}
+    plan |= {"grid": {"kind": "tube", "n": 10, "lines": 20}}
+    result = calibrate(plan_from(plan), load_mesh(DATA / "icub27_r_upper_arm.stl"))
+    codes = [warning.code for warning in result.warnings]
+    assert codes == ["off-mesh", "not-converged", "undercut", "dropped-curves", "outlier-vertices"]
 
 
 def test_errors_of_a_link_leave_out_what_is_hidden():

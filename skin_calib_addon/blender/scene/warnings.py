@@ -6,10 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 from ...common.errors import SkinCalibError
-from ...common.warnings import NOWHERE, Place, Warning
+from ...common.warnings import NOWHERE, Place, Warning, worst_first
 from .skins import in_window
-
-SEVERITIES = ("error", "warning", "note")  # from the worst
 
 
 def refusal_of(error: SkinCalibError) -> Warning:
@@ -34,7 +32,7 @@ def write_warnings(records: Any, warnings: Iterable[Warning]) -> None:
         Points in metres in the link frame.
     """
     records.clear()
-    for warning in sorted(warnings, key=lambda warning: SEVERITIES.index(warning.severity)):
+    for warning in worst_first(warnings):
         record, where = records.add(), warning.where
         record.code, record.severity = warning.code, warning.severity
         record.message, record.advice = warning.message, warning.advice
