@@ -5,7 +5,7 @@ import bpy
 from mathutils import Vector
 
 from ..skin_calib_addon.blender.live import updates
-from ..skin_calib_addon.blender.live.advice import REFUSAL, give_up, hidden_surface, offered, warning_at
+from ..skin_calib_addon.blender.live.advice import REFUSAL, give_up, hidden_surface, mark_of, offered, warning_at
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.overlay.layers import place_of
 from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans
@@ -39,7 +39,7 @@ class SKIN_OT_show_warning(OnWarning, bpy.types.Operator):
         if warning is None or warning.where.point is None:
             self.report({"WARNING"}, "This warning has no single place")
             return {"CANCELLED"}
-        token = f"place {warning.where.point}"
+        token = mark_of(warning)
         drawing.redraw()
         if inspect.marked_place == token:
             inspect.marked_place = ""

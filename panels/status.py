@@ -4,7 +4,7 @@
 import bpy
 
 from ..skin_calib_addon.blender.live import updates
-from ..skin_calib_addon.blender.live.advice import REFUSAL, hidden_surface, offered
+from ..skin_calib_addon.blender.live.advice import REFUSAL, hidden_surface, mark_of, offered
 from ..skin_calib_addon.blender.scene.link_objects import namesakes
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import read_warning
@@ -92,7 +92,7 @@ def draw_warning(layout, plan, warning, index):
     show_warning(layout, warning)
     row = buttons(layout)
     if warning.where.point is not None:
-        is_marked = plan.inspect.marked_place == f"place {warning.where.point}"
+        is_marked = plan.inspect.marked_place == mark_of(warning)
         show = row.operator("skin_calib.show_warning", icon="ZOOM_SELECTED", depress=is_marked)
         show.index = index
     metre = metres_per_unit(bpy.context.scene)

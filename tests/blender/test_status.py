@@ -189,6 +189,35 @@ def test_show_marks_the_place_of_a_warning_over_everything(bpy, link, advice, ex
     assert not any(layer.what == "PLACE" for layer in drawing.shown_layers(link))
 
 
+def test_mark_goes_with_its_warning(bpy, link, updates, extension):
+    """That of a refusal after a change of the plan; that of a fit after a refusal, also when this one has ended."""
+    drawing = modules(extension, "overlay.drawing").drawing
+
+    def is_marked():
+        return any(layer.what == "PLACE" for layer in drawing.shown_layers(link))
+
+    def change(rows):
+        link.skin_calib.skins[0].rows = rows
+        while updates.tick() == updates.POLL_INTERVAL:
+            pass
+
+    bpy.ops.skin_calib.fit()
+    record = link.skin_calib.result.warnings.add()
+    record.code, record.severity, record.has_point, record.point = "off-mesh", "warning", True, (0.04, 0.01, 0.06)
+    bpy.ops.skin_calib.show_warning(index=0)
+    change(14)
+    assert is_marked()  # the warning is still listed, as one of the last fit
+    refused(bpy)
+    assert not is_marked()
+    bpy.ops.skin_calib.show_warning(index=-1)
+    assert is_marked()
+    refused(bpy)
+    assert not is_marked()
+    bpy.ops.skin_calib.show_warning(index=-1)
+    change(2)
+    assert not is_marked()
+
+
 def test_first_fit_closes_the_steps_before_the_skin_once(bpy, link):
     """Link, mesh, grid and fit close and the skin opens; what the author opens afterwards stays open."""
     steps = link.skin_calib.steps

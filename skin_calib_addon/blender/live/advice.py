@@ -237,6 +237,19 @@ def _trial(link: bpy.types.Object, warning: Warning, action: Action) -> Vain:
     return link.session_uid, warning.code, warning.where.point, action.change
 
 
+def shown_warnings(link: bpy.types.Object) -> list[Warning]:
+    """Return what the state of a link shows: the refusal of its last fit, or the warnings of its result."""
+    report = updates.reports.get(link.name)
+    if report and report.refusal:
+        return [report.refusal]
+    return [read_warning(record) for record in link.skin_calib.result.warnings]
+
+
+def mark_of(warning: Warning) -> str:
+    """Return the name under which the mark of a warning is cached, and kept by a link that shows it."""
+    return f"place {warning.where.point}"
+
+
 def warning_at(link: bpy.types.Object, index: int) -> Warning | None:
     """Return the refusal of a link's last fit, or a warning of its result.
 

@@ -273,6 +273,7 @@ def refuse(link: bpy.types.Object, refusal: Warning) -> None:
     """
     if results.is_current(link):
         link.skin_calib.result.outdated = True  # with a new name of the object, the reason is lost, and the tick shown
+    link.skin_calib.inspect.marked_place = ""  # of a warning that the refusal replaces
     reports[link.name] = PreviewReport(refusal=refusal)
     _refused[link.name] = _input_of(link, _fitted_facets.get(link.name)), reports[link.name]
     _changed.pop(link.name, None)

@@ -16,6 +16,7 @@ from bpy.props import (
 
 from ...common.errors import SkinCalibError
 from ..inspection import replay, taxels
+from ..live.advice import mark_of, shown_warnings
 from .millimetres import with_millimetres
 from .options import FIXED, LENGTH
 from .warning import SKIN_PG_warning
@@ -210,7 +211,7 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
         key = self.id_data.skin_calib.result.key
         if self.marked and self.marked == key:
             yield maximum_token(key)
-        if self.marked_place:
+        if self.marked_place and self.marked_place in map(mark_of, shown_warnings(self.id_data)):
             yield self.marked_place
         if self.taxel.id and self.taxel.key == key:
             yield taxels.token_of(self.taxel.key, self.taxel.id)
