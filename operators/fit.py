@@ -62,8 +62,8 @@ class SKIN_OT_fit(Working, OnLink, bpy.types.Operator):
         """Store the result, and report its errors."""
         _, calibrated = result
         store_fit(context, link, self.given, result)
-        mean = max(fit.errors.surface_to_mesh.mean for fit in calibrated.fits.values())
-        self.report({"INFO"}, f"{link.skin_calib.link}: mean error {mean * 1e3:.4f} mm")
+        mean = f"{calibrated.mean * 1e3:.4f} mm{results.least_exact(link.skin_calib)}"
+        self.report({"INFO"}, f"{link.skin_calib.link}: mean error {mean}")
         for warning in calibrated.warnings:  # last, because the window shows what was reported last
             self.report({"WARNING"}, str(warning))
 

@@ -4,6 +4,7 @@
 import bpy
 
 from ..skin_calib_addon.blender.properties.millimetres import shown
+from ..skin_calib_addon.blender.scene.results import least_exact
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from .base import Step, button, field, serious_of, show_text
 
@@ -28,5 +29,7 @@ class FitStep(Step):
         column.enabled = False
         for name in ("mean", "max", "hausdorff", "control_points", "taxels", "seconds"):
             field(column, result, shown(result, name))
+        if least_exact(plan):
+            show_text(layout, "Mean: of the least exact surface", "INFO")
         is_marked = plan.inspect.marked == result.key
         button(layout, "show_worst", icon="ZOOM_SELECTED", depress=is_marked)

@@ -6,6 +6,7 @@ import bpy
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.live.advice import REFUSAL, hidden_surface, mark_of, offered
 from ..skin_calib_addon.blender.scene.link_objects import namesakes
+from ..skin_calib_addon.blender.scene.results import least_exact
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import read_warning
 from ..skin_calib_addon.common.errors import counted
@@ -28,7 +29,8 @@ def state_of(link):
     if report and report.refusal:
         return "The fit is refused", "CANCEL"
     if report:
-        return f"Preview: mean {report.mean * 1e3:.4f} mm on the rays, {report.seconds * 1e3:.0f} ms", "PLAY"
+        mean = f"{report.mean * 1e3:.4f} mm on the rays{least_exact(plan)}"
+        return f"Preview: mean {mean}, {report.seconds * 1e3:.0f} ms", "PLAY"
     if not result.key:
         return "Not fitted: press Propose or Fit", "INFO"
     if result.outdated:
@@ -36,7 +38,8 @@ def state_of(link):
     mean = result.mean * metres_per_unit(bpy.context.scene) * 1e3
     taxels = counted(result.taxels, "taxel") if result.taxels else "add a skin"
     worst = result.warnings[0].severity if result.warnings else ""
-    return f"Mean {mean:.4f} mm, {taxels}", ICONS[worst] if worst in ("error", "warning") else "CHECKMARK"
+    icon = ICONS[worst] if worst in ("error", "warning") else "CHECKMARK"
+    return f"Mean {mean:.4f} mm{least_exact(plan)}, {taxels}", icon
 
 
 def same_name(link):

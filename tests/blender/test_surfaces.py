@@ -1,6 +1,7 @@
 """Several surfaces of one link: one is in the panels, all are in the plan."""
 
 import json
+import re
 
 import pytest
 from numpy.testing import assert_allclose
@@ -95,6 +96,20 @@ def test_both_surfaces_are_fitted_and_drawn(bpy, addon, two):
     }
     assert layers["ERROR"].indices.max() == len(layers["ERROR"].points) - 1
     assert len(layers["ERROR"].points) == len(layers["ERROR"].colours)
+
+
+def test_mean_of_several_surfaces_is_that_of_the_least_exact_one(bpy, two, capfd):
+    """State, step Fit and report say so; with one surface there is nothing to say."""
+    bpy.ops.skin_calib.fit()
+    assert re.match(r"Mean 0\.\d{4} mm \(least exact surface\), ", " ".join(draw(bpy, "status")))
+    assert "Mean: of the least exact surface" in " ".join(draw(bpy, "fit"))
+    assert re.search(r"mean error 0\.\d{4} mm \(least exact surface\)\n", capfd.readouterr().out)
+    bpy.ops.skin_calib.skin_remove(index=1)
+    bpy.ops.skin_calib.surface_show(index=1)
+    bpy.ops.skin_calib.surface_remove()
+    bpy.ops.skin_calib.fit()
+    shown = " ".join((*draw(bpy, "status"), *draw(bpy, "fit"), capfd.readouterr().out))
+    assert "least exact" not in shown
 
 
 def test_showing_a_surface_keeps_result_and_check(bpy, two):

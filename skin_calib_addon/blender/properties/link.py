@@ -42,7 +42,11 @@ class SKIN_PG_result(bpy.types.PropertyGroup):
     outdated: BoolProperty(
         name="Outdated", description="The plan was changed after the fit", update=updates.changed, **FIXED
     )
-    mean: FloatProperty(name="Mean", description="Mean distance from surface to mesh", **LENGTH)
+    mean: FloatProperty(
+        name="Mean",
+        description="Mean distance from surface to mesh; of several surfaces, that of the least exact one",
+        **LENGTH,
+    )
     max: FloatProperty(
         name="Max",
         description="Largest distance from surface to mesh at the points of a grid; between them it can be larger",

@@ -9,6 +9,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from threading import Lock
+from typing import Any
 
 import bpy
 
@@ -92,6 +93,17 @@ def find(key: str) -> Calibrated | None:
 def is_current(link: bpy.types.Object) -> bool:
     """Return whether a link has a result that is not known to be outdated."""
     return bool(link.skin_calib.result.key) and not link.skin_calib.result.outdated
+
+
+def least_exact(plan: Any) -> str:
+    """Return what is written after a mean distance: of several surfaces it is the largest of their means.
+
+    Parameters
+    ----------
+    plan : SKIN_PG_link
+        Of the link.
+    """
+    return " (least exact surface)" if len(plans.surface_names(plan)) > 1 else ""
 
 
 def verify(link: bpy.types.Object, scene: bpy.types.Scene, sha256: str) -> None:
