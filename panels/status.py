@@ -23,7 +23,7 @@ def state_of(link):
     plan, report = link.skin_calib, updates.reports.get(link.name)
     result = plan.result
     if not plan.link:
-        return "Enter the name of the link", "INFO"
+        return "Open a mesh, URDF or robot, or enter a name to make this object a link", "INFO"
     if copy := same_name(link):
         return f"{copy} has the same link name", "ERROR"
     if report and report.refusal:

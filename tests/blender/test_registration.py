@@ -289,7 +289,8 @@ def test_panel_says_what_to_do_next(bpy):
     bare = bpy.data.objects.new("bare", mesh)
     bpy.context.scene.collection.objects.link(bare)
     bpy.context.view_layer.objects.active = bare
-    assert draw(bpy, "status")[0] == "Enter the name of the link"
+    words = "Open a mesh, URDF or robot, or enter a name to make this object a link"
+    assert " ".join(draw(bpy, "status")).startswith(words)
     assert draw(bpy, "skin")[0] == "Add a sheet, boards, or taxels of"
     bpy.ops.skin_calib.skin_add(kind="hexagons")
     bare.skin_calib.skins[0].choice = "listed"
