@@ -221,7 +221,7 @@ def show_text(layout, text, icon, space=0):
 def show_warning(layout, warning):
     """Draw a warning: its message, and the advice below it."""
     column = layout.column(align=True)
-    icon = {"note": "DOT" if warning.advice else "CHECKMARK"}.get(warning.severity, "ERROR")
+    icon = {"error": "CANCEL", "warning": "ERROR"}.get(warning.severity, "DOT" if warning.advice else "CHECKMARK")
     show_text(column, warning.message, icon)
     if warning.advice:
         show_text(column, warning.advice, "BLANK1")

@@ -218,6 +218,29 @@ def test_mark_goes_with_its_warning(bpy, link, updates, extension):
     assert not is_marked()
 
 
+def icons_of(bpy, extension, warning):
+    """Return the icons that are drawn for a warning."""
+    icons = []
+
+    class Icons(Layout):
+        def label(self, text, icon="NONE"):
+            icons.append(icon)
+
+        def _part(self, **_):
+            return self
+
+        column = _part
+
+    sys.modules[f"{extension}.panels.base"].show_warning(Icons(bpy, []), warning)
+    return icons
+
+
+def test_refusal_has_the_icon_of_an_error(bpy, extension, advice):
+    """As in the state above it; a warning has the triangle."""
+    icons = [icons_of(bpy, extension, advice.Warning("code", s, "text"))[0] for s in ("error", "warning", "note")]
+    assert icons == ["CANCEL", "ERROR", "CHECKMARK"]
+
+
 def test_first_fit_closes_the_steps_before_the_skin_once(bpy, link):
     """Link, mesh, grid and fit close and the skin opens; what the author opens afterwards stays open."""
     steps = link.skin_calib.steps
