@@ -4,6 +4,7 @@
 import bpy
 
 from ..skin_calib_addon.blender.inspection import comparing, replay, taxel_mesh
+from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene import results
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
@@ -24,6 +25,8 @@ class SKIN_PT_inspect(InspectPanel, bpy.types.Panel):
             show_text(layout, "Fit the link to see its skin", "INFO")
         elif results.find(plan.result.key) is None:
             show_text(layout, "Fit again to see the skin", "INFO")  # a .blend has no surface
+        elif drawing.is_of_last_fit(plan.id_data):
+            show_text(layout, "Shown: the last fit, before the change", "INFO")
         field(layout, plan, "show_overlay")
         column = layout.column(align=True)
         column.active = plan.show_overlay

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from tests.blender.conftest import BAND, BOARDS, PLAN, modules
+from tests.blender.test_registration import draw
 
 LINES = {"SECTIONS", "LINES", "NET", "SURFACE", "CELLS", "NORMALS"}
 
@@ -189,6 +190,20 @@ def test_layers_are_switched_by_the_link(ours, fitted):
     del ours.drawing.previews[fitted.name]
     ours.drawing.remove_layers("planes", fitted.name)
     assert "PLANES" not in {a.what for a in ours.drawing.shown_layers(fitted)}
+
+
+def test_drawing_of_an_outdated_fit_says_so(bpy, ours, fitted):
+    """In the panel and the legend, after a change; not after the next fit, and not with a preview of the change."""
+    looks, note = fitted.skin_calib.inspect, "Shown: the last fit, before the change"
+    looks.heat = "TILT"
+    assert note not in " ".join(draw(bpy, "inspect"))
+    fitted.skin_calib.skins[0].offset += 0.001
+    assert note in " ".join(draw(bpy, "inspect"))
+    ours.drawing.previews[fitted.name] = ()
+    assert note not in " ".join(draw(bpy, "inspect"))
+    del ours.drawing.previews[fitted.name]
+    bpy.ops.skin_calib.fit()
+    assert note not in " ".join(draw(bpy, "inspect"))
 
 
 def test_labels_that_overlap_are_left_out(ours):

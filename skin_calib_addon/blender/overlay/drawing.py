@@ -119,6 +119,11 @@ def shown_layers(link: Any) -> Iterator[Layer]:
     yield from (layer for layer in cached if layer.what not in HEAT_MAPS)
 
 
+def is_of_last_fit(link: Any) -> bool:
+    """Return whether what is drawn of an object is of its last fit, before a change of plan or mesh."""
+    return link.skin_calib.result.outdated and link.name not in previews
+
+
 def layers_now(link: Any) -> Layers | None:
     """Return the layers of the skins that are drawn of an object now; None before the first fit."""
     drawn = previews.get(link.name) or _prepared.get(link.skin_calib.result.key)
@@ -180,12 +185,14 @@ def _write() -> None:
     context = bpy.context
     unit, area = Matrix.Scale(1 / metres_per_unit(context.scene), 4), legend.LegendArea(context)
     for link, layers in _visible_links():
-        settings = link.skin_calib.inspect
+        settings, name = link.skin_calib.inspect, link.skin_calib.link
+        if is_of_last_fit(link):
+            name += ": last fit, before the change"
         for layer in layers:
             if isinstance(layer, Labels):
                 labels.write(link.name, layer, settings, link_frame(link) @ unit)
             if layer.legend:
-                area.draw(layer.legend, link.skin_calib.link)
+                area.draw(layer.legend, name)
 
 
 def _offset(view: Any) -> Matrix:

@@ -44,7 +44,7 @@ class LegendArea:
         legend : Legend
             Title, unit and colours.
         link : str
-            Name of the link, above the title.
+            Name of the link, and of which fit it is, above the title.
         """
         height = 3 * LINE_HEIGHT + BAR_SIZE[1] + (LINE_HEIGHT if legend.note else 0)
         numbers, unit = written(np.linspace(legend.minimum, legend.maximum, TICKS).tolist(), legend.kind, _units(self))
