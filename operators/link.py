@@ -179,7 +179,8 @@ class SKIN_OT_diagnose(Working, OnMesh, bpy.types.Operator):
     def store(self, context, link, result):
         found, foreseen = result
         diagnoses.store(link, found, foreseen)
-        serious = [w.message for w in (*found.findings(), foreseen) if w.severity != "note"]
+        findings = diagnoses.not_repeated((*found.findings(), foreseen))
+        serious = [finding.message for finding in findings if finding.severity != "note"]
         self.report({"INFO"}, f"{link.name}: {'; '.join(serious) or 'found nothing that affects the fit'}")
 
 

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which object is which link, and the state of its mesh."""
 
+from dataclasses import replace
+
 import bpy
 
-from ..skin_calib_addon.blender.live import diagnoses
+from ..skin_calib_addon.blender.live import diagnoses, updates
+from ..skin_calib_addon.blender.live.advice import shown_warnings
 from ..skin_calib_addon.blender.scene.link_objects import longest_side
 from ..skin_calib_addon.blender.scene.preferences import preferences
+from ..skin_calib_addon.blender.scene.warnings import read_warning
 from ..skin_calib_addon.common.errors import counted
 from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, likely_mistake
 from .base import Step, button, buttons, field, serious_of, show_text, show_warning
@@ -45,6 +49,15 @@ class LinkStep(Step):
             button(box, "scale_to_unit", text=f"Scale to {UNIT_NAMES[unit].capitalize()}").unit = unit
 
 
+def shortened_by(finding, above):
+    """Return the finding of the foreseen fit without what warnings above it say: those of the fit, or its refusal."""
+    repeated = next((warning.message for warning in above if warning.message in finding.message), "")
+    if not repeated or finding.code != "fit" and finding.severity != "error":
+        return finding
+    rest = finding.message.removesuffix(repeated).strip() or "Fit is refused: see the reason above"
+    return replace(finding, message=rest, advice="")
+
+
 def draw_imports(layout):
     """Draw the buttons that open a link."""
     row = buttons(layout)
@@ -60,7 +73,7 @@ class MeshStep(Step):
     def figure(self, plan):
         if not self.is_done(plan):
             return ""
-        serious = serious_of(plan.diagnosis.findings)
+        serious = serious_of(diagnoses.not_repeated(plan.diagnosis.findings))
         return counted(serious, "warning") if serious else "checked"
 
     def is_done(self, plan):
@@ -78,8 +91,9 @@ class MeshStep(Step):
             show_text(layout, "The mesh has changed: check again", "INFO")
         elif found.outdated:
             show_text(layout, "The plan has changed: check again", "INFO")
-        for finding in found.findings:
-            show_warning(layout, finding)
+        above = () if plan.result.outdated and not updates.is_refused(plan.id_data) else shown_warnings(plan.id_data)
+        for finding in diagnoses.not_repeated(found.findings):
+            show_warning(layout, shortened_by(read_warning(finding), above))
         if found.inner:
             row = layout.row(align=True)
             row.use_property_split = False

@@ -83,6 +83,7 @@ class RobotStep(Step):
         layout.template_list(*names, rows=rows, maxrows=rows)
         if link is not None and robots.is_listed(link):
             words, icon, reason = state_of(link)
+            reason = "" if link.type == "MESH" else reason  # that of a mesh is in the state above
             show_text(layout, f"{link.skin_calib.link}: {words}{'. ' * bool(reason)}{reason}", icon)
         field(layout, scene.skin_calib, "skin", placeholder=preferences().skin)
         row = buttons(layout)

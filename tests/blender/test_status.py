@@ -241,6 +241,27 @@ def test_refusal_has_the_icon_of_an_error(bpy, extension, advice):
     assert icons == ["CANCEL", "ERROR", "CHECKMARK"]
 
 
+def test_check_and_state_give_each_text_once(bpy, link, extension):
+    """A refusal, the first warning of a fit, and what is wrong with the mesh and the first warning of the fit."""
+    diagnoses = modules(extension, "live.diagnoses").diagnoses
+    link.skin_calib.grid.margin = 0.05
+    bpy.ops.skin_calib.diagnose()
+    assert " ".join(draw(bpy, "work")).count("A margin of 50 mm") == 1
+    refused(bpy)
+    shown = " ".join(draw(bpy, "work"))
+    assert shown.count("A margin of 50 mm") == 1 and "Fit is refused: see the reason above" in shown
+    link.skin_calib.grid.margin = 0.004
+    link.skin_calib.skins[0].columns, link.skin_calib.skins[0].overlap = 24, True
+    bpy.ops.skin_calib.diagnose()
+    assert " ".join(draw(bpy, "work")).count("overlaps itself") == 1
+    bpy.ops.skin_calib.fit()
+    shown = " ".join(draw(bpy, "work"))
+    assert shown.count("overlaps itself") == 1 and "These settings fit" in shown
+    fit = diagnoses.Warning("fit", "warning", "These settings fit: mean error 1 mm, 1 warning. A vertex.")
+    parts, vertex = (diagnoses.Warning(c, "warning", t) for c, t in (("parts", "2 parts"), ("outlier", "A vertex.")))
+    assert diagnoses.not_repeated((vertex, parts, fit)) == [parts, fit]
+
+
 def test_first_fit_closes_the_steps_before_the_skin_once(bpy, link):
     """Link, mesh, grid and fit close and the skin opens; what the author opens afterwards stays open."""
     steps = link.skin_calib.steps

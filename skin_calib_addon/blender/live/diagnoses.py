@@ -7,7 +7,7 @@ verified; if not, the result is outdated. What is unverified is not stored in th
 wrong.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -107,6 +107,19 @@ def trial(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., W
         )
 
     return attempt
+
+
+def not_repeated(findings: Iterable[Any]) -> list[Any]:
+    """Return the findings of a check without the one that the line of the foreseen fit ends with.
+
+    Parameters
+    ----------
+    findings : iterable of Warning or SKIN_PG_warning
+        Of the mesh, and of `trial`.
+    """
+    found = list(findings)
+    foreseen = "".join(finding.message for finding in found if finding.code == "fit")
+    return [finding for finding in found if not foreseen.endswith(f". {finding.message}")]
 
 
 def store(link: bpy.types.Object, found: Diagnosis, foreseen: Warning) -> None:
