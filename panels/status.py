@@ -10,7 +10,7 @@ from ..skin_calib_addon.blender.scene.results import least_exact
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import read_warning
 from ..skin_calib_addon.common.errors import counted
-from .base import POPOVER_UNITS, buttons, show_text, show_warning
+from .base import POPOVER_UNITS, buttons, shortened, show_text, show_warning
 
 MAX_ROWS = 4  # of the list of warnings. Larger: the panels below move down
 ICONS = {"error": "CANCEL", "warning": "ERROR", "note": "INFO"}
@@ -51,7 +51,8 @@ class SKIN_UL_warnings(bpy.types.UIList):
     """Warnings of the fit, the worst one first; the selected one is shown in full"""
 
     def draw_item(self, _context, layout, _data, warning, _icon, _active, _property, _index):
-        layout.label(text=warning.message, icon=ICONS[warning.severity])
+        about = warning.message.partition(": ")[2] if warning.surface else ""  # the names of its surfaces begin it
+        layout.label(text=shortened(about or warning.message, ""), icon=ICONS[warning.severity])
 
 
 def draw_status(layout, link):

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from types import SimpleNamespace
 
 import pytest
 from numpy.testing import assert_allclose
@@ -239,6 +240,17 @@ def test_refusal_has_the_icon_of_an_error(bpy, extension, advice):
     """As in the state above it; a warning has the triangle."""
     icons = [icons_of(bpy, extension, advice.Warning("code", s, "text"))[0] for s in ("error", "warning", "note")]
     assert icons == ["CANCEL", "ERROR", "CHECKMARK"]
+
+
+def test_row_of_a_long_warning_ends_with_an_ellipsis(bpy, extension):
+    """Blender would cut the middle, where the figure is. Names of surfaces, which are long, are left out."""
+    shown, listed = [], sys.modules[f"{extension}.panels.status"].SKIN_UL_warnings
+    long, short = "The surface is 5.2 mm off the mesh at (14.0, -28.8, 67.0) mm.", "Short."
+    for message, surface in ((long, ""), (short, ""), (f"Surfaces 'left', 'right': {long}", "left")):
+        record = SimpleNamespace(message=message, severity="warning", surface=surface)
+        listed.draw_item(None, None, Layout(bpy, shown), None, record, 0, None, "", 0)
+    assert shown[0].startswith("The surface is 5.2 mm") and shown[0].endswith("…")
+    assert shown[1:] == [short, shown[0]]
 
 
 def test_check_and_state_give_each_text_once(bpy, link, extension):
