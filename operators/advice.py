@@ -2,13 +2,13 @@
 """Show the place of a warning, and do what one advises that no other operator does."""
 
 import bpy
-from mathutils import Vector
 
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.live.advice import REFUSAL, give_up, hidden_surface, mark_of, offered, warning_at
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.overlay.layers import place_of
-from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans
+from ..skin_calib_addon.blender.scene import link_objects, plans
+from ..skin_calib_addon.blender.scene.showing import show_place
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.pipeline.remedies import MARGIN_STEP, mends
@@ -46,10 +46,7 @@ class SKIN_OT_show_warning(OnWarning, bpy.types.Operator):
             return {"FINISHED"}
         inspect.marked_place = token
         drawing.cache(token, (place_of(warning.where.point, link_objects.longest_side(link, context.scene)),))
-        place = link_meshes.link_frame(link) @ (Vector(warning.where.point) / metres_per_unit(context.scene))
-        context.scene.cursor.location = place
-        if context.region_data is not None:
-            context.region_data.view_location = place
+        show_place(context, link, warning.where.point)
         return {"FINISHED"}
 
 

@@ -4,7 +4,6 @@
 from dataclasses import replace
 
 import bpy
-from mathutils import Vector
 
 from ..skin_calib_addon.blender.inspection.taxels import read_again
 from ..skin_calib_addon.blender.live import updates
@@ -12,7 +11,7 @@ from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.overlay.layers import maximum_of
 from ..skin_calib_addon.blender.properties.inspect import maximum_token
 from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans, results, skins
-from ..skin_calib_addon.blender.scene.units import metres_per_unit
+from ..skin_calib_addon.blender.scene.showing import show_place
 from ..skin_calib_addon.blender.scene.warnings import refusal_of
 from ..skin_calib_addon.common.errors import SkinCalibError
 from .on_link import OnLink, OnResult
@@ -95,10 +94,7 @@ class SKIN_OT_show_worst(OnResult, bpy.types.Operator):
         inspect.marked, fit = key, results.find(key).worst_fit
         drawing.cache(maximum_token(key), (maximum_of(fit),))
         _, point, distance = fit.worst
-        place = link_meshes.link_frame(context.object) @ (Vector(point) / metres_per_unit(context.scene))
-        context.scene.cursor.location = place
-        if context.region_data is not None:
-            context.region_data.view_location = place
+        show_place(context, context.object, point)
         self.report({"INFO"}, f"Distance from surface to mesh at the 3D cursor: {distance * 1e3:.4f} mm")
         return {"FINISHED"}
 

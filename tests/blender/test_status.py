@@ -4,6 +4,7 @@ import re
 import sys
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
@@ -272,6 +273,41 @@ def test_check_and_state_give_each_text_once(bpy, link, extension):
     fit = diagnoses.Warning("fit", "warning", "These settings fit: mean error 1 mm, 1 warning. A vertex.")
     parts, vertex = (diagnoses.Warning(c, "warning", t) for c, t in (("parts", "2 parts"), ("outlier", "A vertex.")))
     assert diagnoses.not_repeated((vertex, parts, fit)) == [parts, fit]
+
+
+SEEN, OPPOSITE, ABOVE = (0.04, 0.01, 0.06), (-0.034, 0.01, 0.06), (0.004, 0.01, 0.1005)  # on the link [m], from +x
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+@pytest.mark.parametrize("place", [SEEN, OPPOSITE, ABOVE])
+def test_show_turns_the_view_to_hidden_places_only(bpy, link, kind, place):
+    """The view shows a hidden place from outside and upright, at the same distance.
+
+    The link lies in a cube, which local view hides, as in Blender's start scene.
+    """
+    bpy.ops.skin_calib.fit()
+    record = link.skin_calib.result.warnings.add()
+    record.code, record.severity, record.has_point, record.point = "off-mesh", "warning", True, place
+    bpy.ops.mesh.primitive_cube_add(size=1000)
+    link.select_set(True)
+    bpy.context.active_object.select_set(False)
+    bpy.context.view_layer.objects.active = link
+    area = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    view = area.spaces.active.region_3d
+    with bpy.context.temp_override(area=area, region=region):
+        bpy.ops.view3d.localview(frame_selected=False)
+        view.view_perspective, view.view_distance = kind, 200.0
+        view.view_rotation = type(view.view_location)((1, 0, 0.3)).to_track_quat("Z", "Y")
+        before = view.view_rotation.copy()
+        bpy.ops.skin_calib.show_warning(index=0)
+    right, up, ahead = (view.view_rotation @ type(view.view_location)(axis) for axis in np.eye(3))
+    assert_allclose(view.view_location, bpy.context.scene.cursor.location, atol=1e-3)
+    assert view.view_distance == 200.0 and abs(right.z) < 1e-5 and up.z >= -1e-5
+    if place == OPPOSITE:
+        assert ahead.x < -0.95
+    else:
+        assert view.view_rotation == before
 
 
 def test_first_fit_closes_the_steps_before_the_skin_once(bpy, link):

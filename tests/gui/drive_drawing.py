@@ -6,7 +6,7 @@ import blf
 import bpy
 import numpy as np
 from buttons import press
-from mathutils import Vector
+from mathutils import Quaternion, Vector
 from sample import follow, hover_view, link, open_steps, ours, pink, plan
 
 # Cosine between a cell's normal and the direction to the eye above which its outline is looked at.
@@ -22,6 +22,7 @@ def drive(gui):
     yield from gui.wait(lambda: plan().result.key, 60, "the fit")
     yield from draws_the_legend_in_the_view(gui)
     yield from has_one_measure_of_the_error(gui)
+    yield from turns_to_a_hidden_place(gui)
     yield from draws_complete_outlines(gui)
     yield from redraws_for_new_pictures_only(gui)
 
@@ -72,15 +73,43 @@ def has_one_measure_of_the_error(gui):
     brightest = layer.points[(layer.colours[:, :3] == np.float32(layer.legend.scale[-1])).all(axis=1)] / metre
     cursor = np.array(bpy.context.scene.cursor.location)
     assert np.linalg.norm(brightest - cursor, axis=1).min() < 1e-6 / metre
-    region = gui.region()
-    x, y = gui.at(Vector(cursor))
-    assert abs(x - region.x - region.width / 2) < 3 and abs(y - region.y - region.height / 2) < 3
-    assert pink(gui) > 50
+    is_in_the_free_middle(gui, cursor)
     yield from press(gui, "skin_calib.show_worst")
     yield from hover_view(gui)
     yield from gui.redraw(2)
     assert pink(gui) == 0
     plan().inspect.heat = "NONE"
+
+
+def is_in_the_free_middle(gui, place):
+    """A place of the world is in the middle of the view to the left of the sidebar, with the mark."""
+    region, side = gui.region(), gui.region("UI")
+    x, y = gui.at(Vector(place))
+    assert abs(x - (region.x + side.x) / 2) < 3 and abs(y - region.y - region.height / 2) < 3, (x, y)
+    assert pink(gui) > 50
+
+
+def turns_to_a_hidden_place(gui):
+    """From behind the link, Show Maximum Deviation turns the view so that nothing hides the place."""
+    view = gui.area().spaces.active.region_3d
+    for kind in ("PERSP", "ORTHO"):
+        view.view_perspective = kind
+        view.view_rotation = view.view_rotation @ Quaternion((0, 1, 0), np.pi)
+        yield from gui.redraw(2)
+        distance = view.view_distance
+        yield from press(gui, "skin_calib.show_worst")
+        yield from hover_view(gui)
+        yield from gui.redraw(2)
+        yield from gui.shot(f"hidden_{kind.lower()}.png")
+        place = bpy.context.scene.cursor.location
+        is_in_the_free_middle(gui, place)
+        ahead = view.view_rotation @ Vector((0, 0, 1))
+        eye = view.view_location + distance * ahead if kind == "PERSP" else place + distance * ahead
+        found = bpy.context.scene.ray_cast(bpy.context.evaluated_depsgraph_get(), eye, place - eye)
+        assert found[0] and (found[1] - place).length < 1e-3 * distance, (found[1], place)
+        assert abs(view.view_distance - distance) < 1e-6
+        yield from press(gui, "skin_calib.show_worst")
+    view.view_perspective = "PERSP"
 
 
 def draws_complete_outlines(gui):
