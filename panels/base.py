@@ -22,9 +22,12 @@ NARROW_WIDTH = 260
 # [pixel of a screen with standard density] For the value of a field next to its label, in addition to the margin of a
 # text. Larger: labels are above their fields in wider sidebars.
 VALUE_WIDTH = 35
+LENGTH_WIDTH = 80  # [pixel of a screen with standard density] the same for a length with its unit, as 0.004766 mm
 ICON_WIDTH = (
     25  # [pixel of a screen with standard density] of an icon. Larger: buttons lose fewer words in narrow sidebars
 )
+# [pixel of a screen with standard density] of a button with only an icon. Larger: texts next to it are broken earlier
+BUTTON_WIDTH = 20
 LINKING = ("and", "as", "with")  # words that no short text of a button ends with
 POPOVER_UNITS = 16  # width of the status as a popover, in units of a button's height
 
@@ -131,7 +134,8 @@ def field(layout, group, name, **words):
         for i, letter in enumerate("XYZ"):
             layout.prop(group, name, index=i, text=letter if i or is_narrow() else f"{text} {letter}")
         return
-    space = {"BOOLEAN": ICON_WIDTH, "INT": VALUE_WIDTH, "FLOAT": VALUE_WIDTH}.get(item.type)
+    number = LENGTH_WIDTH if item.unit == "CAMERA" else VALUE_WIDTH
+    space = {"BOOLEAN": ICON_WIDTH, "INT": number, "FLOAT": number}.get(item.type)
     if not is_narrow() or is_several or not text or space is not None and fits(text, space):
         layout.prop(group, name, **words)
         return

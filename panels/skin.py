@@ -7,7 +7,7 @@ from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene.plans import surface_names
 from ..skin_calib_addon.common.errors import counted
 from ..skin_calib_addon.plan.keys import SKINS_OF
-from .base import ICON_WIDTH, Step, button, buttons, field, more, serious_of, show_text
+from .base import BUTTON_WIDTH, ICON_WIDTH, Step, button, buttons, field, fits, more, serious_of, show_text
 from .rows import draw_keys, draw_value
 
 # Keys of a skin that most skins leave as they are.
@@ -29,6 +29,9 @@ class SkinStep(Step):
             show_text(layout, "Add a sheet, boards, or taxels of a file", "INFO")
         for i, skin in enumerate(plan.skins):
             box = layout.box()
+            in_row = 3 if len(plan.skins) > 1 else 2
+            if not fits(skin.name, in_row * BUTTON_WIDTH):  # the field shows its start only
+                show_text(box, skin.name, "NONE")
             row = box.row(align=True)
             if len(plan.skins) > 1:
                 row.prop(skin, "opened", text="", icon="DOWNARROW_HLT" if skin.opened else "RIGHTARROW", emboss=False)

@@ -1,12 +1,17 @@
-"""Drives the width of the sidebar: both tabs, with everything open and all results of Inspect, wide and narrow."""
+"""Drives the width of the sidebar: both tabs, with everything open and all results of Inspect, wide and narrow.
+
+Texts that the panels draw must fit. Those of lists are cut off: below the list the selected row is in full.
+"""
 
 from pathlib import Path
 
 import bpy
 from sample import hover_view, open_steps, plan, run
+from texts import Texts
 
 ROOT = Path(__file__).resolve().parents[2]
 WIDTHS = 500, 250, 170  # of the sidebar [pixel]
+NAME = "jvrc1_left_shoulder_pitch"  # of a link; names of proposed skins begin with it
 
 
 def drive(gui):
@@ -15,15 +20,31 @@ def drive(gui):
     yield from gui.wait(lambda: plan().result.key, 60, "the fit")
     yield from open_steps(gui)
     yield from fills_inspect(gui)
+    texts = Texts()
     for width in WIDTHS:
         here = gui.region("UI")
         edge = here.x, here.y + here.height / 2
         yield from gui.drag(edge, (here.x + here.width - width, edge[1]), mods=())
         yield from gui.redraw(3)
         assert abs(gui.region("UI").width - width) < 5
+        texts.clear()
         for tab in ("Inspect", "Skin"):
             yield from gui.tab(tab)
             yield from pages(gui, f"{tab.lower()}_{width}")
+        assert len(texts.drawn) > 60 and not texts.cut, texts.cut
+    yield from shows_long_names(gui, texts)
+
+
+def shows_long_names(gui, texts):
+    """The names of several skins are there in full, opened and closed, in the narrowest sidebar."""
+    plan().skins[0].name = f"{NAME}_1"
+    with gui.context():
+        bpy.ops.skin_calib.skin_add(kind="hexagons")
+    plan().skins[1].name, plan().skins[0].opened = f"{NAME}_2", False
+    texts.clear()
+    yield from pages(gui, "names")
+    drawn = "".join(texts.drawn)
+    assert not texts.cut and all(skin.name in drawn for skin in plan().skins), (texts.cut, drawn)
 
 
 def fills_inspect(gui):
