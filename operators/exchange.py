@@ -14,7 +14,7 @@ from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.calibration.exchange import FORMATS, WRITABLE
 from ..skin_calib_addon.calibration.file import save_calibration
 from ..skin_calib_addon.common.atomic_file import check_writable, is_same_file, write_bytes_safely
-from ..skin_calib_addon.common.errors import OutputError, SkinCalibError
+from ..skin_calib_addon.common.errors import OutputError, SkinCalibError, counted
 from ..skin_calib_addon.geometry.mesh.triangle_mesh import (
     METRES_PER_UNIT,
     TriangleMesh,
@@ -117,8 +117,11 @@ def fit_to_write(context):
     was_current = results.is_current(link)
     results.verify(link, context.scene, mesh.sha256)
     _, result = results.fit(plan, mesh)
-    warnings = [str(warning) for warning in result.warnings]
-    if was_current and not results.is_current(link):
+    warnings, is_current = [], results.is_current(link)
+    if result.warnings:  # a pop-up with all of them in full covers the window
+        listed = "The tab Skin lists them." if is_current else "Press Fit: the tab Skin then lists them."
+        warnings.append(f"{counted(len(result.warnings), 'warning')} of the fit. {listed}")
+    if was_current and not is_current:
         warnings.append("The link or a taxel file has changed since the fit. This file is up to date; fit again.")
     if not any(patch.taxels.ids for patch in result.calibration.patches):
         warnings.append("The file has no taxels. Add a skin to the link, then export again.")

@@ -1,5 +1,6 @@
 """The button, the command, a batch and plain Python give the same calibration."""
 
+import json
 import os
 import subprocess
 import sys
@@ -202,8 +203,11 @@ def test_taxels_are_added_to_the_link_of_the_file_browser(bpy, link, tmp_path):
     assert len(link.skin_calib.skins) == 2 and len(copy.skin_calib.skins) == 1
 
 
-def test_export_repeats_the_warnings_and_says_that_there_is_no_taxel(bpy, link, tmp_path, capfd):
-    """A link without skins, and one whose name another object has, are exported with a warning for each."""
+def test_export_counts_the_warnings_and_says_that_there_is_no_taxel(bpy, link, tmp_path, capfd):
+    """A link without skins, and one whose name another object has, are exported with a warning for each.
+
+    Those of the fit are one line, however many: they are in the file, and in the list of the tab after a fit.
+    """
     copy = link.copy()
     bpy.context.scene.collection.objects.link(copy)
     skins = link.skin_calib.skins
@@ -218,4 +222,12 @@ def test_export_repeats_the_warnings_and_says_that_there_is_no_taxel(bpy, link, 
     skins[0].rows, skins[0].columns, skins[0].trim, skins[0].overlap = 2, 40, True, True
     bpy.ops.skin_calib.export_calibration(filepath=str(tmp_path / "around.json"))
     said = capfd.readouterr().out
-    assert "no taxels" not in said and "link name" not in said and "[overlap" in said
+    assert "no taxels" not in said and "link name" not in said
+    codes = [warning["code"] for warning in json.loads((tmp_path / "around.json").read_text())["warnings"]]
+    assert codes == ["overlap"] and "Warning: 1 warning of the fit. Press Fit: the tab Skin then lists them." in said
+    bpy.ops.skin_calib.fit()
+    assert [warning.code for warning in link.skin_calib.result.warnings] == codes
+    capfd.readouterr()
+    bpy.ops.skin_calib.export_taxels(filepath=str(tmp_path / "around.csv"), format="csv")
+    lines = [line for line in capfd.readouterr().out.splitlines() if line.startswith("Warning")]
+    assert lines == ["Warning: 1 warning of the fit. The tab Skin lists them."]
