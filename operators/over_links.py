@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Computations for several links, one after the other, in a thread."""
 
-from time import perf_counter
-
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.live.background import Work
 from ..skin_calib_addon.blender.overlay import drawing
@@ -65,9 +63,7 @@ class OverLinks(Waiting, WhileIdle):
                 return self.conclude()
             updates.hold(self.subject)
         number = f" ({self.total - len(self.left)} of {self.total})" if self.total > 1 else ""
-        stage = f": {self.work.stage}" if self.work.stage else ""
-        seconds = f"{perf_counter() - self.start:.0f} s"
-        context.workspace.status_text_set(f"{self.doing} {self.subject}{number}{stage}, {seconds}    Esc: stop")
+        self.show_progress(context, number)
         return {"PASS_THROUGH"}
 
     def choose(self, context):

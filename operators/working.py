@@ -47,6 +47,7 @@ class Waiting:
         """Wait, while Blender handles other events."""
         updates.hold(self.subject)
         self.start = perf_counter()
+        self.show_progress(context)
         self.timer = context.window_manager.event_timer_add(0.1, window=context.window)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -59,10 +60,15 @@ class Waiting:
         if event.type == "TIMER" and self.work.is_done():
             self.end(context)
             return self.take(context)
+        self.show_progress(context)
+        return {"PASS_THROUGH"}
+
+    def show_progress(self, context, number=""):
+        """Show stage and time in the status bar and in the status of the link; ``number`` counts the links."""
         stage = f": {self.work.stage}" if self.work.stage else ""
         seconds = f"{perf_counter() - self.start:.0f} s"
-        context.workspace.status_text_set(f"{self.doing} {self.subject}{stage}, {seconds}    Esc: stop")
-        return {"PASS_THROUGH"}
+        context.workspace.status_text_set(f"{self.doing} {self.subject}{number}{stage}, {seconds}    Esc: stop")
+        updates.show_progress(self.subject, f"{self.doing}{stage}, {seconds}. Esc stops it")
 
     def refuse(self, error):
         """Report an error; the scene stays as it was."""

@@ -22,6 +22,8 @@ def state_of(link):
         return "Select or open a link", "INFO"
     plan, report = link.skin_calib, updates.reports.get(link.name)
     result = plan.result
+    if words := updates.progress(link.name):
+        return words, "SORTTIME"
     if not plan.link:
         return "Open a mesh, URDF or robot, or enter a name to make this object a link", "INFO"
     if copy := same_name(link):

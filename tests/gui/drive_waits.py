@@ -1,5 +1,7 @@
 """Drives long computations: the window responds while a mesh is read, checked and fitted, and Esc stops each."""
 
+import re
+import sys
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event
@@ -49,9 +51,17 @@ def stops_and_ends(gui, name, start, is_done):
         assert gui.area().spaces.active.region_3d.view_matrix != before
         yield from gui.shot(f"{name}.png")
         assert waits_for(name) and not is_done()
+        if name != "import_wait":  # which works on a file and not on the link
+            assert re.fullmatch(r"[A-Z][a-z]+ing, \d+ s\. Esc stops it", state()), state()
         end.set()
         yield from gui.wait(lambda: not waits_for(name), 300, f"the end of {name}")
-    assert is_done()
+    assert is_done() and "Esc" not in state()
+
+
+def state():
+    """Return the state of the link, as the first line of the tab and the header of the view have it."""
+    (status,) = (module for name, module in sys.modules.items() if name.endswith(".panels.status"))
+    return status.state_of(link())[0]
 
 
 @contextmanager

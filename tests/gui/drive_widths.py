@@ -44,7 +44,9 @@ def shows_long_names(gui, texts):
     texts.clear()
     yield from pages(gui, "names")
     drawn = "".join(texts.drawn)
-    assert not texts.cut and all(skin.name in drawn for skin in plan().skins), (texts.cut, drawn)
+    assert not texts.cut, texts.cut
+    for skin in plan().skins:
+        assert skin.name in drawn, f"{skin.name} is cut off"
 
 
 def fills_inspect(gui):

@@ -61,7 +61,7 @@ _caches: dict[str, StepCache] = {}
 _guests: set[str] = set()  # objects that are followed although Live is off
 _leaving: set[str] = set()  # guests until their next result
 _refused: dict[str, tuple[Input, PreviewReport]] = {}  # the last refusal, and what was refused
-_held: set[str] = set()  # objects that the button Fit works on
+_held: dict[str, str] = {}  # progress of the operator that works on an object, by its name
 _accompanied: set[tuple[str, str]] = set()  # names of guests, and their plans: undo and redo bring these back
 _job: Job | None = None
 _last_final: Work | None = None  # can still run after it was stopped
@@ -86,17 +86,38 @@ def _stop_final(name: str) -> None:
 def hold(name: str) -> None:
     """Stop the complete fit of an object, and start none until :func:`release`: the button Fit makes one."""
     _stop_final(name)
-    _held.add(name)
+    _held[name] = ""
 
 
 def release(name: str) -> None:
     """Allow complete fits of an object again."""
-    _held.discard(name)
+    _held.pop(name, None)
+    drawing.redraw()  # the status has the progress
 
 
 def held() -> str:
     """Return the name of the object that the button Fit works on; empty without one."""
     return next(iter(_held), "")
+
+
+def show_progress(name: str, words: str) -> None:
+    """Show in the status of an object that an operator works on it, between :func:`hold` and :func:`release`.
+
+    Parameters
+    ----------
+    name : str
+        Of the object.
+    words : str
+        What the operator does and since when.
+    """
+    if _held[name] != words:
+        _held[name] = words
+        drawing.redraw()
+
+
+def progress(name: str) -> str:
+    """Return what an operator does with an object now; empty without one."""
+    return _held.get(name, "")
 
 
 def accompany(link: bpy.types.Object) -> None:
