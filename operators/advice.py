@@ -107,4 +107,25 @@ class SKIN_OT_margin_widen(OnLink, bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (SKIN_OT_show_warning, SKIN_OT_take_advice, SKIN_OT_margin_widen)
+class SKIN_OT_grid_across(OnLink, bpy.types.Operator):
+    """Put the planes across a face with this outward normal"""
+
+    bl_idname = "skin_calib.grid_across"
+    bl_label = "Use Across"
+    bl_options = {"REGISTER", "UNDO"}
+
+    normal: bpy.props.FloatVectorProperty(
+        name="Outward", description="Outward normal of the face, out of the robot", default=(0, 0, -1)
+    )
+
+    def execute(self, context):
+        grid = context.object.skin_calib.grid
+        if grid.kind == "auto":
+            grid.region = "across"
+        else:
+            grid.kind = "across"
+        grid.normal = self.normal
+        return {"FINISHED"}
+
+
+CLASSES = (SKIN_OT_show_warning, SKIN_OT_take_advice, SKIN_OT_margin_widen, SKIN_OT_grid_across)

@@ -40,6 +40,7 @@ MENUS = {
         (
             ("axis_from_sections", "EYEDROPPER"),
             ("margin_widen", "FULLSCREEN_EXIT"),
+            ("grid_across", "MESH_PLANE"),
             ("boundary_remove", "MOD_OUTLINE"),
             (LINE, ""),
             ("planes_place", "MESH_PLANE"),

@@ -48,6 +48,7 @@ class Place:
     skin: str = ""  # name of the skin
     taxels: tuple[str, ...] = ()  # ids, the most affected one first
     surface: str = ""  # its name, if the link has several; files have it in the message
+    normal: tuple[float, float, float] | None = None  # outward, of the face that a refusal proposes; not in files
 
     @property
     def words(self) -> str:

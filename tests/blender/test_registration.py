@@ -14,7 +14,7 @@ OPERATORS = (
     *("cut_place", "cut_flip", "cut_away", "bring_back", "skin_import", "frame_find"),
     *("replay_open", "replay_close", "replay_play"),
     *("propose", "propose_all", "fit_all"),
-    *("show_warning", "margin_widen"),
+    *("show_warning", "margin_widen", "grid_across"),
     *("open_sample", "zones_from_faces", "taxel_mesh", "preset", "preset_save"),
     *("surface_show", "surface_add", "surface_remove", "skin_surface", "boundary_remove"),
 )

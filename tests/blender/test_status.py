@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.common import errors
@@ -273,6 +274,24 @@ def test_check_and_state_give_each_text_once(bpy, link, extension):
     fit = diagnoses.Warning("fit", "warning", "These settings fit: mean error 1 mm, 1 warning. A vertex.")
     parts, vertex = (diagnoses.Warning(c, "warning", t) for c, t in (("parts", "2 parts"), ("outlier", "A vertex.")))
     assert diagnoses.not_repeated((vertex, parts, fit)) == [parts, fit]
+
+
+@pytest.mark.parametrize("kind", ["tube", "auto"])
+def test_thin_sheet_offers_the_face_of_its_message(bpy, advice, tmp_path, kind):
+    """The refusal has a place on that side; the button puts the planes across it, and the fit succeeds."""
+    trimesh.creation.box((0.05, 0.002, 0.09)).subdivide().export(tmp_path / "sensor.ply")
+    bpy.ops.skin_calib.import_mesh(filepath=str(tmp_path / "sensor.ply"), unit="m")
+    link = bpy.context.object
+    link.skin_calib.grid.kind = kind
+    refused(bpy)
+    warning = advice.warning_at(link, advice.REFUSAL)
+    assert "thin sheet" in warning.message and "Show" in draw(bpy, "status")
+    assert press(bpy, advice, link, advice.REFUSAL) == "Use Across"
+    grid = link.skin_calib.grid
+    assert (grid.region if kind == "auto" else grid.kind) == "across"
+    assert_allclose(np.abs(grid.normal), (0, 1, 0))
+    assert_allclose(warning.where.point[1], 0.001 * grid.normal[1], atol=1e-6)
+    assert bpy.ops.skin_calib.fit() == {"FINISHED"}
 
 
 SEEN, OPPOSITE, ABOVE = (0.04, 0.01, 0.06), (-0.034, 0.01, 0.06), (0.004, 0.01, 0.1005)  # on the link [m], from +x

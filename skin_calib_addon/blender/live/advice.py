@@ -135,6 +135,11 @@ def _paint(warning: Warning, on: Subject, _metre: float) -> Properties:
     return {"skin": found[0]} if found and found[1].kind == "hexagons" else None
 
 
+def _across(warning: Warning, _on: Subject, _metre: float) -> Properties:
+    """Return the outward normal of the face that a refusal proposes."""
+    return {"normal": warning.where.normal} if warning.where.normal else None
+
+
 def _propose(warning: Warning, on: Subject, _metre: float) -> Properties:
     """Return that a refused link gets a proposal, if it has none."""
     return {} if warning.severity == "error" and on.is_alone and not on.is_proposed else None
@@ -149,6 +154,7 @@ AXIS = Action("skin_calib.axis_from_sections", "Pick the Axis", _margin)
 HOLES = Action("skin_calib.show_defects", "Select Holes", lambda *_: {})
 TRIM = Action("wm.context_set_boolean", "Trim the Sheet", _trim)
 PAINT = Action("skin_calib.boards_paint", "Paint Boards", _paint)
+ACROSS = Action("skin_calib.grid_across", "Use Across", _across)
 
 # By the code of a warning, or the class of an error: the actions, the first that applies is offered; or why there is
 # none. docs/troubleshooting.md explains the codes.
@@ -176,7 +182,7 @@ ACTIONS: dict[str, tuple[Action, ...] | str] = {
     "OutsideSurface": (TRIM,),
     "UnreachableTolerance": (Action("wm.context_set_float", "Allow This Error", _tolerance),),
     "UnderdeterminedFit": "the message has the number that is needed",
-    "InvalidPlan": "the message names the field that is wrong",
+    "InvalidPlan": (ACROSS,),  # of a thin sheet; otherwise the message names the field that is wrong
     "InvalidMesh": "the mesh is edited in Edit Mode, or read again",
     "parts": (Action("wm.context_set_enum", "Keep Outer Shell", _outer),),
     "holes": (HOLES,),

@@ -252,11 +252,15 @@ def find_axis(mesh: TriangleMesh) -> TubeFrame:
     facing = normals @ axes[:, 2]
     is_thin = thickness < SHEET_THICKNESS_RATIO * width
     if is_thin and min(areas[facing > 0].sum(), areas[facing < 0].sum()) > SHEET_SIDE_FRACTION * areas.sum():
-        x, y, z = np.round(axes[:, 2], 2) + 0.0
+        normal = np.round(axes[:, 2], 2) + 0.0
+        x, y, z = normal
+        middle = mesh.triangles.mean(axis=1)[facing > 0]
+        nearest = np.linalg.norm(middle - middle.mean(axis=0), axis=1).argmin()
         raise InvalidPlan(
             f"The mesh is a thin sheet, {thickness * 1e3:.1f} mm thick and {width * 1e3:.1f} mm wide, with two sides. "
             "Choose the side with the skin: a grid across a face with the outward normal "
-            f"({x:g}, {y:g}, {z:g}), or its opposite."
+            f"({x:g}, {y:g}, {z:g}), or its opposite.",
+            place=Place(point_of(middle[nearest]), normal=point_of(normal)),
         )
     direction = axes[:, 0]
     point = (areas[:, None] * mesh.triangles.mean(axis=1)).sum(axis=0) / areas.sum()
