@@ -14,6 +14,7 @@ Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")  # from the worst
 # Codes of a fit and of its skins, from the worst, within a severity; all other codes are after them.
 ORDER = (
+    "outdated-proposal",  # all of it is of another mesh
     # the surface is wrong
     "folded",
     "off-mesh",

@@ -8,7 +8,7 @@ import numpy as np
 from ..common.errors import SkinCalibError
 from ..common.warnings import Warning
 from ..geometry.grid.cut_planes import cut_normal
-from ..geometry.grid.grids import Grid, Sector, Size, Tube
+from ..geometry.grid.grids import Grid, Sector, Tube
 from ..geometry.mesh.cover import Cut
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..plan.plan import Plan, Surface
@@ -46,48 +46,36 @@ def mends(change: str, plan: Plan, mesh: TriangleMesh, problem: Warning) -> bool
     return problem.severity == "error" or problem.code not in {warning.code for warning in fit.warnings}
 
 
-def _changeable(surface: Surface) -> Grid | None:
-    """Return the grid of a surface if its region may be changed."""
-    grid = surface.grid
-    if isinstance(grid, Grid) and isinstance(grid.size, Size) and not grid.region.boundary:
-        return grid
-    return None
-
-
 def _cut(surface: Surface, mesh: TriangleMesh, problem: Warning) -> Surface | None:
     """Return a surface with a cut across the link at the place of a problem."""
-    grid, point = _changeable(surface), problem.where.point
-    if grid is None or point is None:
+    point, axis = problem.where.point, surface.grid.region.axis if isinstance(surface.grid, Grid) else None
+    if point is None:
         return None
-    axis = grid.region.axis
-    normal = cut_normal(mesh, np.array(point), None if axis is None else np.array(axis.direction))
-    x, y, z = normal.tolist()
+    x, y, z = cut_normal(mesh, np.array(point), None if axis is None else np.array(axis.direction)).tolist()
     return replace(surface, cover=replace(surface.cover, cuts=(*surface.cover.cuts, Cut(point, (x, y, z)))))
 
 
 def _sector(surface: Surface, _mesh: TriangleMesh, _problem: Warning) -> Surface | None:
     """Return a surface over a part of the turn of a tube."""
-    grid = _changeable(surface)
-    if grid is None or not isinstance(grid.region, Tube):
+    grid = surface.grid
+    if not isinstance(grid, Grid) or not isinstance(grid.region, Tube):
         return None
     start, stop = FIRST_SECTOR
-    region = Sector(grid.region.axis, grid.region.margin, start=start, stop=stop)
+    region = Sector(grid.region.axis, grid.region.margin, grid.region.boundary, start=start, stop=stop)
     return replace(surface, grid=replace(grid, region=region))
 
 
 def _margin(surface: Surface, mesh: TriangleMesh, _problem: Warning) -> Surface | None:
     """Return a surface that leaves more of both ends free."""
-    grid = _changeable(surface)
-    if grid is None:
+    grid = surface.grid
+    if not isinstance(grid, Grid):
         return None
     margin = (grid.region.margin or 0.0) + MARGIN_STEP * float(np.ptp(mesh.vertices, axis=0).max())
     return replace(surface, grid=replace(grid, region=replace(grid.region, margin=margin)))
 
 
-def _seen(surface: Surface, _mesh: TriangleMesh, _problem: Warning) -> Surface | None:
+def _seen(surface: Surface, _mesh: TriangleMesh, _problem: Warning) -> Surface:
     """Return a surface of the faces that can be seen from outside."""
-    if _changeable(surface) is None or surface.cover.shell == "seen":
-        return None
     return replace(surface, cover=replace(surface.cover, shell="seen"))
 
 

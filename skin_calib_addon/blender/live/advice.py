@@ -159,6 +159,7 @@ ACROSS = Action("skin_calib.grid_across", "Use Across", _across)
 # By the code of a warning, or the class of an error: the actions, the first that applies is offered; or why there is
 # none. docs/troubleshooting.md explains the codes.
 ACTIONS: dict[str, tuple[Action, ...] | str] = {
+    "outdated-proposal": (Action("skin_calib.propose", "Propose Again", lambda *_: {}),),
     "off-mesh": (CUT, SEEN, SECTOR, PROPOSE),
     "folded": (SECTOR, CUT, PROPOSE),
     "nearly-folded": (MARGIN, CUT, SECTOR),

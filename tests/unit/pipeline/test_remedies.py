@@ -3,14 +3,15 @@
 from pathlib import Path
 
 import pytest
+import trimesh
 
 from skin_calib_addon.common.errors import SkinCalibError
 from skin_calib_addon.common.warnings import NOWHERE, Place, Warning
-from skin_calib_addon.geometry import CoverSpec, TubeGrid
+from skin_calib_addon.geometry import AutoGrid, CoverSpec, TubeGrid
 from skin_calib_addon.pipeline import calibrate
-from skin_calib_addon.pipeline.remedies import CHANGES, mends
+from skin_calib_addon.pipeline.remedies import mends
 from skin_calib_addon.plan.plan import Plan, Surface
-from tests.shapes import box, cylinder, keep, together
+from tests.shapes import box, cylinder, keep, subdivided, together, welded
 
 
 def problem(mesh):
@@ -41,11 +42,11 @@ def test_part_that_protrudes_is_mended_by_a_cut_below_it_only():
         assert mends("cut", plan, mesh, Warning(refusal.code, "error", "", place)) == helps, height
 
 
-def test_surface_with_a_boundary_is_not_changed():
-    """Its outline has what is covered."""
-    loop = ((0.03, 0.0, 0.02), (0.0, 0.03, 0.02), (0.0, 0.03, 0.08), (0.03, 0.0, 0.08))
-    grid = TubeGrid(6, 12)
-    bounded = type(grid)(type(grid.region)(boundary=(loop,)), grid.size, grid.spacing)
-    surface = Surface(CoverSpec("all"), bounded)
-    found = Warning("off-mesh", "error", "", Place((0.03, 0.0, 0.05)))
-    assert all(change(surface, cylinder(), found) is None for change in CHANGES.values())
+def test_what_can_be_seen_mends_a_tube_with_a_wall_inside():
+    """Of a grid by tolerance, too: rays from the axis hit the outermost wall, and the inner one is warned of."""
+    walls = [subdivided(welded(trimesh.creation.cylinder(radius, 0.12, sections=64))) for radius in (0.035, 0.02)]
+    mesh = together(*walls)
+    for grid in (TubeGrid(6, 12), AutoGrid(1e-4)):
+        plan = Plan("link", Path("link.ply"), "m", (Surface(CoverSpec("all"), grid),), ())
+        assert mends("seen", plan, mesh, Warning("dropped-curves", "warning", ""))
+        assert not mends("cut", plan, mesh, Warning("dropped-curves", "warning", ""))  # it has no place
