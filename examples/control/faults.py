@@ -114,7 +114,7 @@ def main() -> None:
     }
     draw_walks(films, given.out / "faults.png")
     if not given.no_animation:
-        film_both(list(films.values()), given.out / "faults.gif", azimuth=100, distance=1.9, every=2)
+        film_both(list(films.values()), given.out / "faults.gif", azimuth=100, distance=2.15, every=2)
 
 
 if __name__ == "__main__":

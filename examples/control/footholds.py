@@ -121,7 +121,7 @@ def main() -> None:
     films = [lambda each, feels=feels: run(Case("front half", feels, 0), each) for feels in (False, True)]
     draw_walks(dict(zip(ASSUMED, films)), given.out / "footholds.png")
     if not given.no_animation:
-        film_both(films, given.out / "footholds.gif", azimuth=100, distance=1.9)
+        film_both(films, given.out / "footholds.gif", azimuth=100, distance=2.15)
 
 
 if __name__ == "__main__":
