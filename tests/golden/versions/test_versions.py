@@ -77,9 +77,9 @@ def numbers(calibration):
 
 
 def _warning(warning):
-    """Return what a file has of a warning; the name of the surface is in its message."""
+    """Return what a file has of a warning; the name of the surface is in its message, and no warning has a normal."""
     document = asdict(warning)
-    assert document["where"].pop("surface") == ""
+    assert document["where"].pop("surface") == "" and document["where"].pop("normal") is None
     return document
 
 
