@@ -7,7 +7,7 @@ from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.live.advice import REFUSAL, give_up, hidden_surface, mark_of, offered, warning_at
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.overlay.layers import place_of
-from ..skin_calib_addon.blender.scene import link_objects, plans
+from ..skin_calib_addon.blender.scene import link_objects, plans, skins
 from ..skin_calib_addon.blender.scene.showing import show_place
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.common.errors import SkinCalibError
@@ -87,7 +87,7 @@ class SKIN_OT_take_advice(Working, OnWarning, bpy.types.Operator):
 
     def refuse(self, error):
         """Report why nothing was changed."""
-        self.report({"WARNING"}, str(error))
+        self.report({"WARNING"}, skins.in_window(error))
         return {"CANCELLED"}
 
 

@@ -11,11 +11,10 @@ from ..geometry.grid.cut_planes import cut_normal
 from ..geometry.grid.grids import Grid, Sector, Tube
 from ..geometry.mesh.cover import Cut
 from ..geometry.mesh.triangle_mesh import TriangleMesh
+from ..plan.keys import FROM, TO
 from ..plan.plan import Plan, Surface
 from .calibrate import cut_for, fit_of
 
-# [rad] of a new sector, from the side of the link's x axis; the window starts with the same.
-FIRST_SECTOR = -1.5, 1.5
 # [fraction of the longest side of the link] that a wider margin adds at both ends. Larger: less of the link is covered.
 MARGIN_STEP = 0.02
 
@@ -60,8 +59,7 @@ def _sector(surface: Surface, _mesh: TriangleMesh, _problem: Warning) -> Surface
     grid = surface.grid
     if not isinstance(grid, Grid) or not isinstance(grid.region, Tube):
         return None
-    start, stop = FIRST_SECTOR
-    region = Sector(grid.region.axis, grid.region.margin, grid.region.boundary, start=start, stop=stop)
+    region = Sector(grid.region.axis, grid.region.margin, grid.region.boundary, start=FROM.first, stop=TO.first)
     return replace(surface, grid=replace(grid, region=region))
 
 

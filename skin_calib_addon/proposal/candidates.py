@@ -68,7 +68,7 @@ class Candidate:
         return float(on.areas[on.wanted & faces_rays].sum())
 
 
-def candidates(on: LinkPoints, axes: Iterable[tuple[Axis, str]], least: float = 0.0) -> Iterator[Candidate]:
+def candidates(on: LinkPoints, axes: Iterable[tuple[Axis, str]], least: float) -> Iterator[Candidate]:
     """Yield the regions that are tried on a link.
 
     Parameters
@@ -140,19 +140,17 @@ def heights_in_front(on: LinkPoints, points: Array, normal: Array) -> Array:
     array, shape (n,)
         Along the direction [m]; infinite without another part.
     """
-    if not len(points) or not len(on.seen_points):
-        return np.full(len(points), np.inf)
     every = np.vstack((on.seen_points, points))
     heights = every @ normal
     places = np.floor(every @ np.linalg.svd(normal[None])[2][1:].T / POINT_DISTANCE)  # in two directions across it
     x, y = (places - places.min(axis=0)).T
-    column = x * (y.max() + 1) + y
-    extent = np.ptp(heights) + 2 * MIN_GAP  # so that the columns are apart, one above the other
-    parts, feet = np.split(column * extent + heights - heights.min(), [len(on.seen_points)])
+    extent = np.ptp(heights) + 2 * MIN_GAP
+    starts = (x * (y.max() + 1) + y) * extent  # of the columns, one above the other
+    parts, feet = np.split(starts + heights - heights.min(), [len(on.seen_points)])
     parts = np.append(np.sort(parts), np.inf)
     found = parts[np.searchsorted(parts, feet + MIN_GAP)]
-    is_in_column = found < (column[-len(points) :] + 1) * extent
-    return np.where(is_in_column, heights[-len(points) :] + found - feet, np.inf)
+    is_in_column = found < starts[len(on.seen_points) :] + extent
+    return np.where(is_in_column, points @ normal + found - feet, np.inf)
 
 
 def own_axes(on: LinkPoints) -> Iterator[tuple[Axis, str]]:

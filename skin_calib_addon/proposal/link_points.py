@@ -29,7 +29,7 @@ class LinkPoints:
     free: BoolArray  # (k,) no other link covers it
     covered: BoolArray = field(repr=False)  # (k,) a proposed surface covers it; changes
     taken: BoolArray = field(repr=False)  # (k,) a proposed surface covers it, or is next to it; changes
-    seen_points: Array = field(default_factory=lambda: np.empty((0, 3)), repr=False)  # (n, 3) in the open or not [m]
+    seen_points: Array = field(repr=False)  # (n, 3) of all faces that can be seen, in the open or not [m]
 
     @classmethod
     def of(cls, mesh: TriangleMesh) -> "LinkPoints":

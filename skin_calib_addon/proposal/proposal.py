@@ -12,7 +12,7 @@ from ..common.arrays import Array, BoolArray
 from ..common.errors import SkinCalibError, counted
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.grid.axis import Axis
-from ..geometry.mesh.cover import CoverSpec, cut_cover, seen_faces
+from ..geometry.mesh.cover import cut_cover, seen_faces
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline.place_skins import place_skin
 from ..plan.plan import Plan
@@ -150,7 +150,7 @@ def propose_twin(
     target = _Target.of(link, mesh, file, "m", keep_out, begin)
     if abs(target.free - former.free) > (1 - MIN_TWIN_FRACTION) * former.free:
         return None  # the joints have other ranges
-    moved, seen, how = moved_plan(former.plan, link, twin), seen_faces(mesh), f"as on {former.link}"
+    moved, how = moved_plan(former.plan, link, twin), f"as on {former.link}"
     skins = {skin.surface: skin for skin in moved.skins}
 
     def skin_of(proposed: Proposed) -> tuple[SheetSkin | BoardSkin, TaxelArray]:
@@ -162,9 +162,8 @@ def propose_twin(
         return listed or skin_on(choice, proposed.fit, proposed.surface.name)
 
     try:
-        covers = (cut_cover(seen, CoverSpec("all", surface.cover.cuts)) for surface in moved.surfaces)
-        both = zip(covers, moved.surfaces)
-        found = tuple(filter(None, (fitted(cover, target.on, surface, how) for cover, surface in both)))
+        tried = (fitted(cut_cover(mesh, surface.cover), target.on, surface, how) for surface in moved.surfaces)
+        found = tuple(filter(None, tried))
         begin("skins")
         proposal = target.proposal(found, skin_of, choice, begin)
     except SkinCalibError:

@@ -169,6 +169,9 @@ def test_advice_that_does_not_help_changes_nothing_and_is_followed_by_the_next(b
         assert link.skin_calib.grid.kind == "tube" and link.skin_calib.grid.margin == margin
     (action, _), *others = advice.offered(advice.warning_at(link, advice.REFUSAL), link.skin_calib, 1.0)
     assert action.text == "Propose" and not others
+    link.skin_calib.grid.n += 1
+    refused(bpy)  # what was tried on another plan may help now
+    assert next(advice.offered(advice.warning_at(link, advice.REFUSAL), link.skin_calib, 1.0))[0].text == "Use a Sector"
 
 
 def test_show_marks_the_place_of_a_warning_over_everything(bpy, link, advice, extension):

@@ -15,7 +15,8 @@ from ..scene.warnings import read_warning
 from . import updates
 
 Properties = dict[str, Any] | None  # of an operator; None: it does not apply
-Vain = tuple[int, str, tuple[float, ...] | None, str]  # uid of a link, code and place of a warning, change
+# Uid of a link, plan or key of the fit that has the warning, code and place of the warning, and change.
+Vain = tuple[int, str, str, tuple[float, ...] | None, str]
 _vain: set[Vain] = set()  # changes that were tried, and did not help
 REFUSAL = -1  # index of the refusal of the last fit, among the warnings of the result
 
@@ -241,7 +242,7 @@ def give_up(link: bpy.types.Object, warning: Warning, action: Action) -> None:
 
 
 def _trial(link: bpy.types.Object, warning: Warning, action: Action) -> Vain:
-    return link.session_uid, warning.code, warning.where.point, action.change
+    return link.session_uid, updates.of_warnings(link), warning.code, warning.where.point, action.change
 
 
 def shown_warnings(link: bpy.types.Object) -> list[Warning]:

@@ -308,6 +308,11 @@ def is_refused(link: bpy.types.Object) -> bool:
     return link.name in reports and reports[link.name].refusal is not None
 
 
+def of_warnings(link: bpy.types.Object) -> str:
+    """Return what the warnings of a link are about: the plan that is refused, or the key of the fit."""
+    return _refused[link.name][0][0] if is_refused(link) else str(link.skin_calib.result.key)
+
+
 def _refuse_again(link: bpy.types.Object) -> None:
     """Report the last refusal of a link again if plan and mesh are as they were, as after undo of something else."""
     result = link.skin_calib.result

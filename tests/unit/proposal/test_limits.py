@@ -43,7 +43,7 @@ def points_with(normals):
     normals = np.array(normals, float)
     count = len(normals)
     nothing = np.zeros((2, count), bool)
-    return LinkPoints(0 * normals, normals, np.ones(count), float(count), np.ones(count, bool), *nothing)
+    return LinkPoints(0 * normals, normals, np.ones(count), float(count), np.ones(count, bool), *nothing, 0 * normals)
 
 
 def plate(width, depth):

@@ -187,7 +187,7 @@ def test_points_next_to_a_surface_are_taken():
     """Those within 3 mm of a covered point and on its side, by brute force; without a covered point none is."""
     rng = np.random.default_rng(0)
     points, up = rng.random((500, 3)) * 0.03, rng.choice((-1.0, 1.0), 500)
-    on = LinkPoints(points, np.outer(up, (0, 0, 1)), points[:, 0], 1.0, *np.zeros((3, 500), bool))
+    on = LinkPoints(points, np.outer(up, (0, 0, 1)), points[:, 0], 1.0, *np.zeros((3, 500), bool), points)
     on.cover(np.zeros(500, bool))
     assert not on.taken.any()
     chosen = np.arange(500) < 30
@@ -385,7 +385,7 @@ def test_blender_keeps_the_directions_of_a_proposal(tube):
     turned = trimesh.Trimesh(tube.vertices, tube.faces, process=False)
     turned.apply_transform(trimesh.transformations.rotation_matrix(0.7, (1, 2, 3), (0.1, 0.2, 0)))
     numbers = []
-    for candidate in candidates(LinkPoints.of(welded(turned)), ()):
+    for candidate in candidates(LinkPoints.of(welded(turned)), (), 0.0):
         region = candidate.region
         numbers += region.normal if isinstance(region, Across) else (*region.axis.point, *region.axis.direction)
     assert len(numbers) > 20 and all(float(str(np.float32(x))) == x for x in numbers)
