@@ -26,15 +26,18 @@ from .link_points import POINT_DISTANCE, LinkPoints
 from .loops import Loops, loops_around
 from .trial import Start, Trial, judged, region_size
 
-# [m^2] that a surface adds. Larger: fewer surfaces, less is covered, less time (6 cm^2: 5958 cm^2 with 105 surfaces,
-# 8 cm^2: 5845 with 81, instead of 5902 with 92 on the G1).
-MIN_AREA = 7e-4
+# [m^2] that a surface adds. Larger: fewer surfaces, less is covered, less time (4 cm^2: 5958 cm^2 with 101 surfaces,
+# 7 cm^2: 5858 with 85, instead of 5952 with 100 on the G1, before ``BOUNDARY_OPENING``).
+MIN_AREA = 5e-4
 # [fraction] of the free area of a link that each surface after the first adds. Larger: fewer surfaces on large links,
 # above 0.3 m^2. Without it the torso of a Baxter, 1.2 m^2, has more than 120 of them.
 MIN_FRACTION = 2e-3
 # [m] distance of the sites that give the boundary. Larger: less exact boundaries (double: 47 instead of 55 boards on
 # four links of the G1; half: 53, 1.4 times the time).
 FINE_STEP = 2e-3
+# [m] radius of a disc that the part inside a boundary contains everywhere. Larger: narrow parts next to wide ones have
+# no surface (double: 5952 instead of 6053 cm^2 on the G1, and 12586 instead of 13002 cm^2 on the JVRC-1).
+BOUNDARY_OPENING = 2.5e-3
 # [m] distance of the boundary from the edges of these sites. Larger: fewer corners, less exact boundaries (double: 3703
 # instead of 3765 cm^2 of cells on the G1).
 LOOP_TOLERANCE = 1e-3
@@ -145,7 +148,7 @@ def boundary_of(
     per_span = SITES_PER_SPAN * int(np.ceil(trial.steps.max() / FINE_STEP))
     basis = TensorBasis.of(trial.lines, 3, 3, per_span)
     rows = SampleRows.of(cover, trial.lines, basis)
-    fine = judged(rows, on, trial.parametrization, trial.lines, trial.offsets, basis)
+    fine = judged(rows, on, trial.parametrization, trial.lines, trial.offsets, basis, BOUNDARY_OPENING)
     if fine is None or fine.area < MIN_AREA:
         return None
     loops = loops_around(fine.good, fine.points, trial.parametrization.closed, LOOP_TOLERANCE)

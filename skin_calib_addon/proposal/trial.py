@@ -25,8 +25,8 @@ from .link_points import LinkPoints
 # [m] of planes and lines. Larger: smoother surfaces that follow less of the link (16 mm: 5551 instead of 5763 cm^2 on
 # the G1; 8 mm: as much as 12 mm, in 1.2 times the time).
 KNOT_DISTANCE = 0.012
-# [m] radius of a disc that covered parts must contain everywhere. Larger: no narrow parts (half: 6029 instead of 5980
-# cm^2 on the G1, with as many cells).
+# [m] radius of a disc that the parts of a region must contain everywhere, while regions are compared. Larger: no
+# surfaces on narrow parts (half: 6020 instead of 5952 cm^2 on the G1, with less cells: 3779 instead of 3804 cm^2).
 OPENING = 0.005
 # [1] ratio of the steps from a site to its neighbours above which only the shorter one is on the part that a surface
 # covers; next to it the surface may be anywhere. Larger: wrong areas at edges of parts; smaller: areas of uneven sites
@@ -180,6 +180,7 @@ def judged(
     lines: LineGrid,
     offsets: Array,
     basis: TensorBasis,
+    opening: float = OPENING,
 ) -> Trial | None:
     """Return the largest part of a surface that covers what is wanted; None if there is none.
 
@@ -197,6 +198,8 @@ def judged(
         Of the control points along their lines [m].
     basis : TensorBasis
         At the sites to judge.
+    opening : float
+        Radius of a disc that the part contains everywhere [m].
     """
     arms = basis.blend(offsets[..., None] * lines.directions)
     samples = rows.cast(arms)
@@ -210,14 +213,14 @@ def judged(
     good = is_wanted(on, samples, faces)
     good &= np.abs(samples.residuals * (samples.rays * faces).sum(axis=2)) < MAX_DISTANCE
     good &= are_along(vectors, faces)
-    part = largest_part(opened(good, samples.points, parametrization.closed), areas, parametrization.closed)
+    part = largest_part(opened(good, samples.points, parametrization.closed, opening), areas, parametrization.closed)
     if part is None:
         return None
     steps = site_steps(samples.points)
     return Trial(parametrization, lines, offsets, points, part, float(areas[part].sum()), steps)
 
 
-def opened(mask: BoolArray, points: Array, closed: bool) -> BoolArray:
+def opened(mask: BoolArray, points: Array, closed: bool, radius: float = OPENING) -> BoolArray:
     """Return a mask of sites without its narrow parts (morphological opening with a disc).
 
     Parameters
@@ -228,11 +231,13 @@ def opened(mask: BoolArray, points: Array, closed: bool) -> BoolArray:
         Of the mesh at the sites [m]; NaN where there is none.
     closed : bool
         Whether the last column is next to the first.
+    radius : float
+        Of the disc [m].
     """
-    steps = np.clip(site_steps(points), OPENING / max(mask.shape), None)
-    a, b = (OPENING / steps).astype(int)
+    steps = np.clip(site_steps(points), radius / max(mask.shape), None)
+    a, b = (radius / steps).astype(int)
     y, x = np.mgrid[-a : a + 1, -b : b + 1]
-    disc = (y * steps[0]) ** 2 + (x * steps[1]) ** 2 <= OPENING**2
+    disc = (y * steps[0]) ** 2 + (x * steps[1]) ** 2 <= radius**2
     extra = 2 * b if closed else 0
     wide = np.pad(mask, ((0, 0), (extra, extra)), mode="wrap")
     result: BoolArray = ndimage.binary_opening(wide, disc)[:, extra : extra + mask.shape[1]]

@@ -120,9 +120,21 @@ def test_parts_narrower_than_10_mm_are_left_out(width, stays):
     assert opened(mask, points, False).any() == stays
 
 
-@pytest.mark.parametrize(("size", "count"), [((0.022, 0.03), 0), ((0.025, 0.03), 1)])
-def test_surface_of_7_cm2_is_proposed(size, count):
-    """A plate of 6.6 cm^2 has none, one of 7.5 cm^2 has one."""
+@pytest.mark.parametrize(("width", "stays"), [(2, False), (8, True)])
+def test_narrow_parts_next_to_wide_ones_are_inside_the_boundary(width, stays):
+    """A tongue of 30 mm at a plate."""
+    wide, tongue = plate(0.06, 0.05), plate(0.03, 1e-3 * width)
+    vertices = np.concatenate((wide.vertices, tongue.vertices + (0.06, 0.02, 0.0)))
+    mesh = TriangleMesh(vertices, np.concatenate((wide.faces, tongue.faces + len(wide.vertices))))
+    on = LinkPoints.of(mesh)
+    (found,) = propose_surfaces(mesh, on)
+    end = on.points[:, 0] > 0.08
+    assert found.covered[end].mean() == pytest.approx(0.8 if stays else 0.0, abs=0.2)
+
+
+@pytest.mark.parametrize(("size", "count"), [((0.016, 0.03), 0), ((0.018, 0.03), 1)])
+def test_surface_of_5_cm2_is_proposed(size, count):
+    """A plate of 4.8 cm^2 has none, one of 5.4 cm^2 has one."""
     mesh = plate(*size)
     assert len(propose_surfaces(mesh, LinkPoints.of(mesh))) == count
 
