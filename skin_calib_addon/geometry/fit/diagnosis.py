@@ -273,8 +273,8 @@ def fit_warnings(
     limits : DeviationLimits
         Distances from the mesh that are warned of.
     worst : (uv, point, distance), or None
-        The maximum deviation between the sites, as the report states it: parameters (2,), point (3,) [m], and distance
-        [m]; None if no point is measured.
+        The maximum deviation, as report, calibration file, panel and heat map state it: parameters (2,), point (3,)
+        [m], and distance [m]. None if no point is measured; that at the sample sites then counts.
     """
     yield from lines.warnings
     missed, what = samples.missed, "mesh"
@@ -294,10 +294,11 @@ def fit_warnings(
             samples.missing,
             "Close the hole, or keep the skin away from it.",
         )
-    distance, place = maximum_deviation(mesh, lines, basis, samples, limits.warned)
-    if worst is not None and worst[2] > distance:
-        at, distance = nearest_site(samples, worst[0], lines.closed), worst[2]
-        place = Place(point_of(worst[1]), nearest_names(lines, basis, at))
+    if worst is None:
+        distance, place = maximum_deviation(mesh, lines, basis, samples, limits.warned)
+    else:
+        uv, point, distance = worst
+        place = Place(point_of(point), nearest_names(lines, basis, nearest_site(samples, uv, lines.closed)))
     if distance > limits.warned:
         yield Warning(
             "off-mesh",
