@@ -149,6 +149,15 @@ def field(layout, group, name, **words):
     column.prop(group, name, **words | {"text": ""})
 
 
+def search(layout, group, name, owner, names):
+    """Draw a property with the name of one of ``owner.names``; in a narrow sidebar its label is above it."""
+    text = group.bl_rna.properties[name].name
+    if is_narrow():
+        layout.label(text=text)
+        text = ""
+    layout.prop_search(group, name, owner, names, text=text)
+
+
 def button(layout, name, icon="NONE", text=None, space=0, **options):
     """Draw the button of an operator of ours, and return it; a narrow sidebar has no icon, or only the first words.
 

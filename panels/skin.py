@@ -7,7 +7,7 @@ from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene.plans import surface_names
 from ..skin_calib_addon.common.errors import counted
 from ..skin_calib_addon.plan.keys import SKINS_OF
-from .base import BUTTON_WIDTH, ICON_WIDTH, Step, button, buttons, field, fits, more, serious_of, show_text
+from .base import BUTTON_WIDTH, ICON_WIDTH, Step, button, buttons, field, fits, more, search, serious_of, show_text
 from .rows import draw_keys, draw_value
 
 # Keys of a skin that most skins leave as they are.
@@ -74,6 +74,7 @@ class SkinStep(Step):
         button(row, f"{what}_add", icon="ADD", space=ICON_WIDTH if what == "zone" else 0).skin = i
         if what == "zone":
             row.operator("skin_calib.zones_from_faces", text="", icon="FACESEL").skin = i
+            search(layout, skin, "zone_group", skin.id_data, "vertex_groups")
 
     def draw_single_taxels(self, layout, skin, key, i):
         if skin.kind != "hexagons":

@@ -68,7 +68,7 @@ def facing(link, axis, least):
 
 
 @pytest.mark.parametrize("by", ["selection", "group"])
-def test_faces_become_zones_without_boards(bpy, plan_file, by):
+def test_faces_become_zones_without_boards(bpy, addon, plan_file, by):
     """No board is over a selected face; the plan keeps them as the zones that it has always had."""
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[BOARDS])))
     link = bpy.context.object
@@ -87,7 +87,8 @@ def test_faces_become_zones_without_boards(bpy, plan_file, by):
     assert bpy.ops.skin_calib.zones_from_faces(skin=0) == {"FINISHED"}
     if by == "selection":
         bpy.ops.object.mode_set(mode="OBJECT")
-    zones = link.skin_calib.skins[0].excluded
+    (skin,) = addon.plans.read_plan(link, bpy.context.scene).skins
+    zones = skin.excluded
     corners = np.array(
         [link.data.vertices[v].co for f in np.flatnonzero(chosen) for v in link.data.polygons[f].vertices]
     )

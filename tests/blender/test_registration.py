@@ -130,6 +130,10 @@ class Layout:
         if index == 0:
             self.shown.append(name.removesuffix("_mm"))
 
+    def prop_search(self, data, name, owner, names, **_):
+        assert names in owner.bl_rna.properties, f"{owner} has no {names}"
+        self.prop(data, name)
+
     def prop_enum(self, data, name, value, **_):
         assert value in data.bl_rna.properties[name].enum_items, f"{name} of {data} is never {value}"
         self.shown.append(f"{name}: {value}")
@@ -219,7 +223,7 @@ EVERY_SKIN = {"name", "kind", "auto_channel", "first_channel"}
 MOUNTING = {"origin_uncertainty", "direction_uncertainty", "auto_anchor", "anchor"}
 SHOWN_LINES = {"offset", "centred", "origin", "direction", "auto_registration"} | MOUNTING
 SHEETS = SHOWN_LINES | {"rows", "columns", "pitch", "hand", "trim", "overlap"}
-BOARDS = SHOWN_LINES | {"side", "auto_gap", "gap", "choice", "cells", "auto_direction"}
+BOARDS = SHOWN_LINES | {"side", "auto_gap", "gap", "choice", "cells", "auto_direction", "zone_group"}
 IMPORTED = {"auto_registration", "file", "format", "only", "framed", "rotation", "translation", "snap"} | MOUNTING
 
 

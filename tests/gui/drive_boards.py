@@ -18,6 +18,7 @@ def drive(gui):
     yield from open_steps(gui)
     yield from fills_with_boards(gui)
     yield from keeps_boards_off_a_screw(gui)
+    yield from keeps_boards_off_a_vertex_group(gui)
     yield from shows_the_regions_of_an_automatic_grid(gui)
 
 
@@ -77,6 +78,39 @@ def keeps_boards_off_a_screw(gui):
     yield from hover_view(gui)
     yield from gui.shot("zone.png")
     assert 0 < plan().result.taxels < before
+
+
+def keeps_boards_off_a_vertex_group(gui):
+    """The field takes the name of a group; with Live on, boards follow the group when it is edited."""
+    before, mesh = plan().result.taxels, link().data
+    heel = [v.co.x < 0 for v in mesh.vertices]
+    link().vertex_groups.new(name="no boards")
+    yield from gui.redraw()
+    yield from press(gui, "skin_calib.skins[0].zone_group")
+    yield 0.5
+    yield from gui.shot("groups.png")
+    yield from gui.type("no b")
+    yield from gui.key("RET")
+    yield from gui.redraw(2)
+    assert plan().skins[0].zone_group == "no boards" and plan().result.outdated
+    yield from press(gui, "skin_calib.live")
+    yield from gui.wait(lambda: not plan().result.outdated, 60, "the fit")
+    assert plan().result.taxels == before
+    for parts in (mesh.polygons, mesh.edges):
+        parts.foreach_set("select", [False] * len(parts))
+    mesh.vertices.foreach_set("select", heel)
+    yield from hover_view(gui)
+    yield from gui.key("TAB")
+    yield from gui.key("G", "ctrl")  # the menu Vertex Groups
+    yield 0.5
+    yield from gui.shot("menu.png")
+    yield from gui.key("DOWN_ARROW")  # from Assign to New Group to Assign to Active Group
+    yield from gui.key("RET")
+    yield from gui.key("TAB")
+    yield from gui.wait(lambda: 0 < plan().result.taxels < before and not plan().result.outdated, 60, "the fit")
+    yield from hover_view(gui)
+    yield from gui.shot("group.png")
+    yield from press(gui, "skin_calib.live")
 
 
 def zone():

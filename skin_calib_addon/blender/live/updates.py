@@ -20,8 +20,10 @@ from ...common.warnings import Warning
 from ...plan import Plan, plan_document
 from ..overlay import drawing
 from ..scene import link_meshes, link_objects, plans, results
+from ..scene.face_groups import groups_of
 from ..scene.facets import Facets
 from ..scene.plane_lists import read_hand_planes
+from ..scene.units import metres_per_unit
 from ..scene.warnings import refusal_of
 from . import events
 from .background import Work
@@ -57,6 +59,7 @@ _changed: dict[str, float] = {}  # time of the last change of objects without a 
 _previewed: set[str] = set()  # objects whose preview shows the last change
 _possibly_changed: set[str] = set()  # objects whose mesh or position may have changed
 _fitted_facets: dict[str, Facets] = {}  # facets of the last fit
+_fitted_groups: dict[str, Any] = {}  # zones of the vertex groups of that time
 _caches: dict[str, StepCache] = {}
 _guests: set[str] = set()  # objects that are followed although Live is off
 _leaving: set[str] = set()  # guests until their next result
@@ -175,6 +178,7 @@ def switched(plan: Any, _context: Any) -> None:
 def facets_of(link: bpy.types.Object) -> Facets:
     """Return the facets of an object that is to be fitted; its result becomes outdated when they change."""
     _fitted_facets[link.name] = link_meshes.read_facets(link, bpy.context, _fitted_facets.get(link.name))
+    _fitted_groups[link.name] = groups_of(link, metres_per_unit(bpy.context.scene))
     _possibly_changed.discard(link.name)  # Blender has just evaluated the object
     return _fitted_facets[link.name]
 
@@ -202,7 +206,7 @@ def tick() -> float | None:
 
 
 def _check_possibly_changed() -> None:
-    """Mark results as outdated whose mesh has changed."""
+    """Mark results as outdated whose mesh, or a vertex group without boards, has changed."""
     names = tuple(_possibly_changed)
     _possibly_changed.clear()
     for name in names:  # not those that reading and writing touch: a property of an object with nodes touches it again
@@ -215,13 +219,14 @@ def _check_possibly_changed() -> None:
         try:
             with link_objects.in_scene(link):
                 facets = link_meshes.read_facets(link, bpy.context, before)
+                groups = groups_of(link, metres_per_unit(bpy.context.scene))
         except SkinCalibError:
             link.skin_calib.result.outdated = True
             continue
-        if facets is before:
+        if facets is before and groups == _fitted_groups[name]:
             continue
         if link.skin_calib.result.outdated:  # since an earlier change: its preview, or its fit, is of another mesh
-            _fitted_facets[name] = facets
+            _fitted_facets[name], _fitted_groups[name] = facets, groups
         link.skin_calib.result.outdated = True
 
 
@@ -419,6 +424,7 @@ def forget(name: str) -> None:
         _remove_sketch(name)
         _caches.pop(name, None)
         _fitted_facets.pop(name, None)
+        _fitted_groups.pop(name, None)
         _refused.pop(name, None)
 
 
@@ -468,6 +474,7 @@ def _clear() -> None:
         _previewed,
         _possibly_changed,
         _fitted_facets,
+        _fitted_groups,
         _caches,
         reports,
         sketches,

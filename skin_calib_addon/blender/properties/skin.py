@@ -41,6 +41,12 @@ class SKIN_PG_skin(bpy.types.PropertyGroup):
     """A sheet of taxels, hexagonal boards, or taxels of a file."""
 
     kind: EnumProperty(name="Kind", description="What the skin is made of", items=items_of(SKIN_KINDS), **PLAN)
+    zone_group: StringProperty(
+        name="Vertex Group",
+        description="Boards stay off the faces of this vertex group, as it is at each fit. A plan file has excluded "
+        "zones over these faces",
+        **PLAN,
+    )
     opened: BoolProperty(name="Open", description="Show what this skin has, in a list of several", **FIXED)
     cells: StringProperty(
         name="Cells",

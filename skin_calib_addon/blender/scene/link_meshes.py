@@ -71,8 +71,7 @@ def read_facets(link: bpy.types.Object, context: bpy.types.Context, before: Face
     evaluated = link.evaluated_get(context.evaluated_depsgraph_get())
     if not evaluated.is_evaluated and link.modifiers:
         raise InvalidMesh(f"{link.name} is disabled in the viewport, so its modifiers are not evaluated. Enable it.")
-    unit = metres_per_unit(context.scene) * _scale(link)
-    placed = np.array([vector(row, unit) for row in _local(link)[:3]])
+    placed = read_placement(link, metres_per_unit(context.scene))
     data = evaluated.to_mesh()
     try:
         vertices = np.empty((len(data.vertices), 3), np.float32)
@@ -91,6 +90,29 @@ def read_facets(link: bpy.types.Object, context: bpy.types.Context, before: Face
     finally:
         evaluated.to_mesh_clear()
     return replace(found, faces=faces)
+
+
+def read_placement(link: bpy.types.Object, metre: float) -> Array:
+    """Return the transformation of the object's own axes and units into the link frame, shape (3, 4) [m].
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    metre : float
+        Length of a scene unit [m].
+
+    Returns
+    -------
+    array, shape (3, 4)
+
+    Raises
+    ------
+    InvalidMesh
+        If the scale of the object's parent is not uniform.
+    """
+    unit = metre * _scale(link)
+    return np.array([vector(row, unit) for row in _local(link)[:3]])
 
 
 def read_edges(link: bpy.types.Object, context: bpy.types.Context) -> tuple[Array, IntArray]:

@@ -17,10 +17,11 @@ from ...plan.keys import SKIN_KINDS, SKINS_OF
 from ...plan.skins import BoardSkin, Frame, ImportedSkin, SheetSkin, Skin
 from . import fields
 from .decimals import in_units
+from .face_groups import zones_of
 
 
 def read_skin(group: Any, metre: float) -> Skin:
-    """Return the frozen skin in a group of properties.
+    """Return the frozen skin in a group of properties. Zones of boards over a vertex group are those of the group now.
 
     Parameters
     ----------
@@ -37,9 +38,11 @@ def read_skin(group: Any, metre: float) -> Skin:
     Raises
     ------
     InvalidPlan
-        If a value is beyond its limits; the message names it as the window does.
+        If a value is beyond its limits, or a vertex group is missing; the message names it as the window does.
     """
     skin: Skin = fields.read(SKINS_OF[group.kind], group, metre, (f"Skin {group.name!r}",))
+    if isinstance(skin, BoardSkin) and group.zone_group:
+        return replace(skin, excluded=(*skin.excluded, *zones_of(group.id_data, metre, group.zone_group)))
     is_pinned = isinstance(skin, SheetSkin) and skin.landmarks
     return replace(skin, origin=None) if is_pinned else skin
 
