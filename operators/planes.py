@@ -2,16 +2,37 @@
 """Planes one by one: from a grid to a list of planes, and operations on that list."""
 
 import bpy
+import numpy as np
 
 from ..skin_calib_addon.blender.scene import link_meshes, plane_lists, plans, points_on_link
+from ..skin_calib_addon.blender.scene.decimals import vector
 from ..skin_calib_addon.blender.scene.skins import entry
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.geometry import PlanesGrid, cut_cover
 from ..skin_calib_addon.geometry.fit.auto import grid_lines
-from ..skin_calib_addon.geometry.grid.plane_editing import between, mirrored, planes_of, spread
+from ..skin_calib_addon.geometry.grid.plane_editing import between, mirrored, planes_of, spread, through
 from .lists import INDEX
 from .on_link import Edit, OnLink
+from .picking import POINT, Picking
+
+FAMILIES = [("u", "U-Planes", "Planes across the link"), ("v", "V-Planes", "Planes along the link")]
+FAMILY = {"name": "Planes", "description": "Which planes", "options": {"HIDDEN"}}
+
+
+def place_by_hand(context):
+    """Replace the grid of the active link by its planes one by one; those that are by hand already stay."""
+    link = context.object
+    read = plans.shown_surface(link, context.scene)
+    if isinstance(read.grid, PlanesGrid):
+        return
+    cover = cut_cover(link_meshes.read_mesh(link, context), read.cover)
+    if read.grid.region.boundary:
+        raise SkinCalibError("Planes placed by hand cannot have a boundary. Remove the boundary first.")
+    lines = grid_lines(cover, read.grid, read.degree, read.max_deviation)
+    grid = PlanesGrid(*planes_of(lines), lines.closed)
+    plans.write_grid(link.skin_calib.grid, grid, metres_per_unit(context.scene))
+    link.skin_calib.held = "U"
 
 
 class SKIN_OT_planes_place(OnLink, Edit, bpy.types.Operator):
@@ -27,15 +48,7 @@ class SKIN_OT_planes_place(OnLink, Edit, bpy.types.Operator):
         )
 
     def edit(self, context, plan):
-        link = context.object
-        read = plans.shown_surface(link, context.scene)
-        cover = cut_cover(link_meshes.read_mesh(link, context), read.cover)
-        if not isinstance(read.grid, PlanesGrid) and read.grid.region.boundary:
-            raise SkinCalibError("Planes placed by hand cannot have a boundary. Remove the boundary first.")
-        lines = grid_lines(cover, read.grid, read.degree, read.max_deviation)
-        grid = PlanesGrid(*planes_of(lines), lines.closed)
-        plans.write_grid(plan.grid, grid, metres_per_unit(context.scene))
-        plan.held = "U"
+        place_by_hand(context)
 
 
 class SKIN_OT_boundary_remove(Edit, bpy.types.Operator):
@@ -51,12 +64,7 @@ class SKIN_OT_boundary_remove(Edit, bpy.types.Operator):
 class OnPlanes(Edit):
     """Works on the u-planes or the v-planes."""
 
-    family: bpy.props.EnumProperty(
-        name="Planes",
-        description="Which planes",
-        items=[("u", "U-Planes", "Planes across the link"), ("v", "V-Planes", "Planes along the link")],
-        options={"HIDDEN"},
-    )
+    family: bpy.props.EnumProperty(items=FAMILIES, **FAMILY)
 
     @classmethod
     def poll(cls, context):
@@ -101,10 +109,71 @@ class SKIN_OT_plane_remove(OnPlanes, bpy.types.Operator):
     index: bpy.props.IntProperty(name="Index", description="Which plane, from 0", **INDEX)
 
     def edit(self, context, plan):
+        entry(getattr(plan.grid, self.family), self.index, f"{self.family}-plane")
+        remove(plan, self.family, self.index)
+
+
+def remove(plan, family, index):
+    """Remove a plane from its list; the next one gets the handles."""
+    listed = getattr(plan.grid, family)
+    listed.remove(index)
+    setattr(plan.grid, f"{family}_index", max(0, min(index, len(listed) - 1)))
+
+
+class AtPoint(Picking, OnLink, Edit):
+    """Changes the planes at a point of the link; a grid becomes planes placed by hand first."""
+
+    point: bpy.props.FloatVectorProperty(name="Point", description="Where it is, in the link frame", **POINT)
+
+    def take(self, points):
+        (self.point,) = points
+
+    def edit(self, context, plan):
+        if plan.grid.kind != "planes":
+            place_by_hand(context)
+        self.change(context, plan, np.array(vector(self.point, metres_per_unit(context.scene))))
+
+
+class SKIN_OT_plane_place(AtPoint, bpy.types.Operator):
+    """Click on the link to add a plane there, between those on both sides; a grid is placed by hand first"""
+
+    bl_idname = "skin_calib.plane_place"
+    bl_label = "Add Plane on Link"
+
+    prompts = ("Click on the link to add a plane there    Esc: no plane",)
+    family: bpy.props.EnumProperty(items=FAMILIES, **FAMILY)
+
+    def change(self, context, plan, point):
+        planes = plane_lists.read_planes(plan.grid, self.family, context.scene)
+        if planes is None:
+            raise SkinCalibError(f"There are no {self.family}-planes yet. Add one with Add Plane.")
+        index, *plane = through(planes, point, self.family == "v" and plan.grid.closed)
         listed = getattr(plan.grid, self.family)
-        entry(listed, self.index, f"{self.family}-plane")
-        listed.remove(self.index)
-        setattr(plan.grid, f"{self.family}_index", max(0, min(self.index, len(listed) - 1)))
+        plane_lists.set_plane(listed.add(), *plane, context.scene)
+        listed.move(len(listed) - 1, index)
+        setattr(plan.grid, f"{self.family}_index", index)
+        plan.held = self.family.upper()
+
+
+class SKIN_OT_plane_take(AtPoint, bpy.types.Operator):
+    """Click on the link to remove the plane that is nearest there; a grid is placed by hand first"""
+
+    bl_idname = "skin_calib.plane_take"
+    bl_label = "Remove Plane on Link"
+
+    prompts = ("Click on the link to remove the nearest plane    Esc: no change",)
+
+    def change(self, context, plan, point):
+        found = []
+        for family in ("u", "v"):
+            planes = plane_lists.read_planes(plan.grid, family, context.scene)
+            if planes is not None:
+                distances = np.abs(((point - planes.points) * planes.normals).sum(axis=1))
+                found.append((distances.min(), family, int(distances.argmin())))
+        if not found:
+            raise SkinCalibError("There are no planes to remove.")
+        _, family, index = min(found)
+        remove(plan, family, index)
 
 
 class SKIN_OT_planes_spread(OnPlanes, bpy.types.Operator):
@@ -131,6 +200,8 @@ CLASSES = (
     SKIN_OT_planes_place,
     SKIN_OT_plane_add,
     SKIN_OT_plane_remove,
+    SKIN_OT_plane_place,
+    SKIN_OT_plane_take,
     SKIN_OT_planes_spread,
     SKIN_OT_planes_mirror,
     SKIN_OT_boundary_remove,

@@ -44,6 +44,8 @@ MENUS = {
             ("boundary_remove", "MOD_OUTLINE"),
             (LINE, ""),
             ("planes_place", "MESH_PLANE"),
+            ("plane_place", "EYEDROPPER"),
+            ("plane_take", "EYEDROPPER"),
             ("plane_add", "ADD"),
             ("plane_remove", "REMOVE"),
             ("planes_spread", "ALIGN_JUSTIFY"),
@@ -81,6 +83,7 @@ MENUS = {
 ARGUMENTS = {
     "cut_flip": lambda plan: {"index": plan.cover.cut_index},
     "cut_remove": lambda plan: {"index": plan.cover.cut_index},
+    "plane_place": lambda plan: {"family": family_of(plan)},
     "plane_add": lambda plan: {"family": family_of(plan)},
     "plane_remove": lambda plan: {"family": family_of(plan), "index": getattr(plan.grid, f"{family_of(plan)}_index")},
     "planes_spread": lambda plan: {"family": family_of(plan)},

@@ -23,6 +23,21 @@ class SKIN_TOOL_cut(SkinTool, bpy.types.WorkSpaceTool):
     bl_keymap = (("skin_calib.cut_place", CLICK, AT_MOUSE),)
 
 
+class SKIN_TOOL_planes(SkinTool, bpy.types.WorkSpaceTool):
+    bl_idname = "skin_calib.planes_tool"
+    bl_label = "Place Planes"
+    bl_description = (
+        "Click on the link to add a plane across it, Shift click to add one along it, Ctrl click to remove the nearest "
+        "plane; handles move and tilt planes"
+    )
+    bl_icon = "ops.mesh.loopcut_slide"
+    bl_keymap = (
+        ("skin_calib.plane_place", CLICK, {"properties": [("at_mouse", True), ("family", "u")]}),
+        ("skin_calib.plane_place", CLICK | {"shift": True}, {"properties": [("at_mouse", True), ("family", "v")]}),
+        ("skin_calib.plane_take", CLICK | {"ctrl": True}, AT_MOUSE),
+    )
+
+
 class SKIN_TOOL_boards(SkinTool, bpy.types.WorkSpaceTool):
     bl_idname = "skin_calib.boards_tool"
     bl_label = "Paint Boards"
@@ -31,13 +46,14 @@ class SKIN_TOOL_boards(SkinTool, bpy.types.WorkSpaceTool):
     bl_keymap = (("skin_calib.boards_paint", CLICK, AT_MOUSE),)
 
 
-TOOLS = (SKIN_TOOL_cut, SKIN_TOOL_boards)
+TOOLS = (SKIN_TOOL_cut, SKIN_TOOL_planes, SKIN_TOOL_boards)
 
 
 def register():
     """Add the tools below those of Blender."""
     bpy.utils.register_tool(SKIN_TOOL_cut, separator=True)
-    bpy.utils.register_tool(SKIN_TOOL_boards, after={SKIN_TOOL_cut.bl_idname})
+    bpy.utils.register_tool(SKIN_TOOL_planes, after={SKIN_TOOL_cut.bl_idname})
+    bpy.utils.register_tool(SKIN_TOOL_boards, after={SKIN_TOOL_planes.bl_idname})
 
 
 def unregister():

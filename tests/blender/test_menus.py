@@ -122,8 +122,13 @@ def test_toolbar_has_tools_for_planes_and_boards(bpy, extension):
         return {tool.idname: tool for tool in listed if tool is not None and tool.idname.startswith("skin_calib.")}
 
     found = tools()
-    assert set(found) == {"skin_calib.cut_tool", "skin_calib.boards_tool"}
-    for tool, operator in (("cut_tool", "cut_place"), ("boards_tool", "boards_paint")):
+    assert set(found) == {"skin_calib.cut_tool", "skin_calib.planes_tool", "skin_calib.boards_tool"}
+    for tool, operator in (
+        ("cut_tool", "cut_place"),
+        ("planes_tool", "plane_place"),
+        ("planes_tool", "plane_take"),
+        ("boards_tool", "boards_paint"),
+    ):
         assert "at_mouse" in getattr(bpy.ops.skin_calib, operator).get_rna_type().properties
         assert found[f"skin_calib.{tool}"].label and found[f"skin_calib.{tool}"].description
     addon_utils.disable(extension)

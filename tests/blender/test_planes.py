@@ -58,6 +58,39 @@ def test_lists_are_changed_by_buttons_each_in_one_step(bpy, placed):
         assert_allclose(points(bpy.context.object.skin_calib.grid.u), expected)
 
 
+def test_point_of_the_link_adds_and_removes_planes(bpy, link, fit_scene):
+    """The grid becomes planes by hand; the new ones go through the point, and the fit has them; each is one step."""
+    place = (0.0, 0.03, 0.047)
+    bpy.ops.ed.undo_push(message="start")
+    assert bpy.ops.skin_calib.plane_place("EXEC_DEFAULT", True, family="u", point=place) == {"FINISHED"}
+    grid = bpy.context.object.skin_calib.grid
+    assert (grid.kind, len(grid.u), len(grid.v)) == ("planes", 6, 6)
+    new = grid.u[grid.u_index]
+    assert abs(np.dot(np.subtract(place, new.point), new.normal)) < 1e-7 and (np.diff(points(grid.u)[:, 2]) > 0).all()
+    assert bpy.ops.skin_calib.plane_place("EXEC_DEFAULT", True, family="v", point=place) == {"FINISHED"}
+    grid = bpy.context.object.skin_calib.grid
+    new = grid.v[grid.v_index]
+    assert len(grid.v) == 7 and bpy.context.object.skin_calib.held == "V"
+    assert abs(np.dot(np.subtract(place, new.point), new.normal)) < 1e-7
+    assert json.loads(fit_scene())["surfaces"][0]["errors"]["surface_to_mesh"]["mean"] < 2e-4
+    for count in (7, 6):
+        assert len(bpy.context.object.skin_calib.grid.v) == count
+        bpy.ops.ed.undo()
+    assert bpy.context.object.skin_calib.grid.kind == "tube"
+
+
+def test_nearest_plane_of_both_families_is_removed(bpy, placed):
+    """Of u-planes and v-planes."""
+    grid = placed.skin_calib.grid
+    u, v = points(grid.u), [tuple(plane.normal) for plane in grid.v]
+    on_u = u[2] + 0.03 * (np.array(v[1]) + 2 * np.array(v[3]))
+    assert bpy.ops.skin_calib.plane_take(point=tuple(on_u)) == {"FINISHED"}
+    assert_allclose(points(grid.u), np.delete(u, 2, axis=0)) and len(grid.v) == 6
+    between = (u[0] + u[1]) / 2 + 0.02 * np.cross(v[4], (0, 0, 1))
+    assert bpy.ops.skin_calib.plane_take(point=tuple(between)) == {"FINISHED"}
+    assert [tuple(plane.normal) for plane in grid.v] == v[:4] + v[5:] and len(grid.u) == 4
+
+
 def test_first_plane_is_at_the_cursor(bpy, link):
     """An empty list can be filled; operators on planes report an empty list."""
     grid = link.skin_calib.grid

@@ -7,6 +7,7 @@ import pytest
 OPERATORS = (
     *("scale_to_unit", "diagnose", "show_defects", "cut_add", "cut_remove"),
     *("planes_place", "plane_add", "plane_remove", "planes_spread", "planes_mirror", "axis_from_sections"),
+    *("plane_place", "plane_take"),
     *("fit", "show_worst", "skin_add", "skin_remove", "landmark_add", "landmark_remove", "zone_add", "zone_remove"),
     *("boards_paint", "place", "place_at_cursor", "take_advice", "taxel", "compare", "compare_end"),
     *("touches", "touches_move", "touches_end"),

@@ -5,7 +5,7 @@ from math import pi, radians, sin
 import bpy
 from buttons import press
 from mathutils import Vector
-from sample import follow, link, open_steps, ours, plan, undo
+from sample import follow, hover_view, link, open_steps, ours, plan, undo
 
 RING = 79  # [pixels] radius of a dial
 
@@ -30,6 +30,7 @@ def drive(gui):
     yield from adds_and_removes(gui)
     yield from follows_live(gui)
     yield from undoes_everything(gui)
+    yield from works_with_the_tool(gui)
 
 
 def moves_a_plane(gui):
@@ -137,3 +138,41 @@ def undoes_everything(gui):
     yield from gui.redraw(3)
     yield from gui.shot("back.png")
     assert not ours("live.updates").sketches
+
+
+def works_with_the_tool(gui):
+    """A click adds a plane across, Shift a plane along, Ctrl removes the nearest; handles work; Ctrl-Z undoes each."""
+    with gui.context():
+        bpy.ops.wm.tool_set_by_id(name="skin_calib.planes_tool")
+    yield from hover_view(gui)
+    yield from gui.redraw(2)
+    start = len(plan().grid.u), len(plan().grid.v)
+    assert plan().grid.kind == "tube" and start == (0, 0)
+    box = [Vector(corner) for corner in link().bound_box]
+    x, y = gui.at(link().matrix_world @ (sum(box, Vector()) / 8))
+    yield from gui.click(x, y)
+    yield from gui.wait(lambda: link().name in ours("live.updates").sketches, 20, "the sketch")
+    yield from gui.redraw(3)
+    counts = [(len(plan().grid.u), len(plan().grid.v))]
+    assert plan().grid.kind == "planes" and counts[0][0] == 11, counts
+    yield from gui.shot("tool_across.png")
+    yield from gui.click(x + 20, y - 1.4 * RING, mods=("shift",))  # next to the rings, which take clicks
+    yield from gui.redraw(3)
+    counts.append((len(plan().grid.u), len(plan().grid.v)))
+    yield from gui.shot("tool_along.png")
+    yield from gui.drag(*(lambda at: (at, (at[0], at[1] + 12)))(gui.at(handle("u", 2))), mods=())
+    yield from gui.redraw(3)
+    assert plan().grid.u_index == 2
+    yield from undo(gui)
+    yield from gui.click(x - 30, y - 2.7 * RING, mods=("ctrl",))
+    yield from gui.redraw(3)
+    counts.append((len(plan().grid.u), len(plan().grid.v)))
+    (n, m) = counts[0]
+    assert counts[1] == (n, m + 1) and sum(counts[2]) == n + m, counts
+    for expected in counts[1::-1]:
+        yield from undo(gui)
+        assert (len(plan().grid.u), len(plan().grid.v)) == expected
+    yield from undo(gui)
+    assert plan().grid.kind == "tube"
+    with gui.context():
+        bpy.ops.wm.tool_set_by_id(name="builtin.select_box")

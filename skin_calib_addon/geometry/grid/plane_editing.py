@@ -89,6 +89,44 @@ def between(planes: Planes, i: int) -> tuple[Array, Array]:
     )
 
 
+def through(planes: Planes, point: Array, around: bool) -> tuple[int, Array, Array]:
+    """Return a plane through a point, and where it belongs in a row of planes.
+
+    Between two planes, its normal is between theirs: it contains the line in which they intersect. Before the first and
+    beyond the last it is parallel to the nearest.
+
+    Parameters
+    ----------
+    planes : Planes
+        The row of planes.
+    point : array, shape (3,)
+        In metres in the link frame.
+    around : bool
+        Whether the first plane follows the last after half a turn about their common line.
+
+    Returns
+    -------
+    index : int
+        Of the new plane in the row.
+    point, normal : array, shape (3,)
+        In metres in the link frame, and of length one.
+    """
+    points, normals = planes.points, _aligned(planes.normals)
+    if around and len(planes) >= MIN_V_PLANES:
+        points, normals = np.concatenate((points, points[:1])), np.concatenate((normals, -normals[:1]))
+    heights = ((point - points) * normals).sum(axis=1)
+    passed = np.flatnonzero(np.sign(heights[:-1]) != np.sign(heights[1:]))
+    if len(passed):
+        one = int(passed[np.argmin(np.abs(heights[passed]) + np.abs(heights[passed + 1]))])
+        below, above = np.abs(heights[[one, one + 1]]) / np.abs(heights[[one, one + 1]]).sum()
+        normal = unit(above * normals[one] + below * normals[one + 1])
+        at, index = above * points[one] + below * points[one + 1], one + 1
+    else:
+        is_last = abs(heights[-1]) < abs(heights[0]) if len(planes) > 1 else heights[0] > 0
+        at, normal, index = (points[-1], normals[-1], len(planes)) if is_last else (points[0], normals[0], 0)
+    return index, at + ((point - at) @ normal) * normal, normal
+
+
 def spread(planes: Planes, around: bool) -> Planes:
     """Return planes at even steps from the first to the last, or at even angles.
 

@@ -10,7 +10,7 @@ from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.common.errors import EmptySection, InvalidPlan
 from skin_calib_addon.geometry import AcrossGrid, CoverSpec, Cut, Planes, PlanesGrid, SectorGrid, TubeGrid, cut_cover
 from skin_calib_addon.geometry.grid.axis import axis_through
-from skin_calib_addon.geometry.grid.plane_editing import between, mirrored, planes_of, spread
+from skin_calib_addon.geometry.grid.plane_editing import between, mirrored, planes_of, spread, through
 from tests.shapes import Z_AXIS, Motion, cone, cylinder, sheet, wrist
 from tests.unit.geometry.grid.test_grids import u_planes, v_planes
 
@@ -50,6 +50,41 @@ def test_uneven_lines_become_even_ones_about_the_same_axis():
     assert_allclose(turn, np.pi / 6)
     centres = lines.origins.mean(axis=1)
     assert np.abs(((centres[:, None] - v.points) * v.normals).sum(axis=2)).max() < 1e-9
+
+
+@pytest.mark.parametrize("side, index", [(0.01, 0), (0.025, 1), (0.055, 2), (0.08, 3)])
+@pytest.mark.parametrize("order", [1, -1])
+def test_plane_through_a_point_is_between_its_neighbours(side, index, order):
+    """It contains the point, belongs between the planes on both of its sides, and turns from one to the other."""
+    planes = u_planes([0.02, 0.04, 0.06][::order], [0.0, 0.2, 0.0])
+    at, point, normal = through(planes, np.array((0.03, 0.01, side)), False)
+    assert at == (index if order == 1 else 3 - index)
+    assert abs((point - (0.03, 0.01, side)) @ normal) < 1e-12 and abs(np.linalg.norm(normal) - 1) < 1e-12
+    if index in (0, 3):
+        assert_allclose(normal, (0, 0, 1), atol=1e-12)
+    else:
+        assert 0 < np.arctan2(normal[0], normal[2]) < 0.2
+
+
+@pytest.mark.parametrize("degrees", [10.0, 50.0, 80.0, 130.0, 170.0, 190.0, 300.0])
+def test_full_plane_through_a_point_contains_the_axis(degrees):
+    """Among three full planes 60 degrees apart, the new one has the angle of the point and the order of angles."""
+    turn = np.deg2rad(degrees)
+    planes = v_planes(3)
+    place = np.array((0.03 * np.cos(turn), 0.03 * np.sin(turn), 0.02))
+    index, point, normal = through(planes, place, True)
+    assert abs((place - point) @ normal) < 1e-12 and abs(normal[2]) < 1e-12
+    assert np.abs(point[:2]).max() < 1e-12
+    assert index == int(degrees % 180 // 60) + 1
+
+
+def test_plane_next_to_a_single_one_is_parallel():
+    """On either side."""
+    planes = u_planes([0.04], [0.2])
+    for side, index in ((0.03, 0), (0.05, 1)):
+        at, point, normal = through(planes, np.array((0.0, 0.0, side)), True)
+        assert at == index and abs((point - (0, 0, side)) @ normal) < 1e-12
+        assert_allclose(normal, planes.normals[0])
 
 
 def test_new_plane_is_midway_to_the_next_or_as_far_beyond_the_last():
