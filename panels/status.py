@@ -4,7 +4,7 @@
 import bpy
 
 from ..skin_calib_addon.blender.live import updates
-from ..skin_calib_addon.blender.live.advice import REFUSAL, hidden_surface, mark_of, offered
+from ..skin_calib_addon.blender.live.advice import PROPOSE, REFUSAL, hidden_surface, mark_of, offered
 from ..skin_calib_addon.blender.scene.link_objects import namesakes
 from ..skin_calib_addon.blender.scene.results import least_exact
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
@@ -12,7 +12,8 @@ from ..skin_calib_addon.blender.scene.warnings import read_warning
 from ..skin_calib_addon.common.errors import counted
 from .base import POPOVER_UNITS, buttons, shortened, show_text, show_warning
 
-MAX_ROWS = 4  # of the list of warnings. Larger: the panels below move down
+# [1] warnings up to which the list cannot be folded, and rows of a longer list. Larger: the panels below move down.
+MAX_OPEN, MAX_ROWS = 3, 8
 ICONS = {"error": "CANCEL", "warning": "ERROR", "note": "INFO"}
 
 
@@ -80,22 +81,44 @@ def draw_status(layout, link):
         show_text(layout, f"{surface}{cells}{later} follow when the changes end", "SORTTIME")
     if report and report.refusal:
         draw_warning(layout, plan, report.refusal, REFUSAL)
-        if not plan.proposed and not report.refusal.where.skin:
+        offers = [action for action, _ in offered(report.refusal, plan, metres_per_unit(bpy.context.scene))]
+        if not plan.proposed and not report.refusal.where.skin and offers[:1] != [PROPOSE]:
             show_text(layout, "Or press Propose, which finds surfaces that can be fitted.", "INFO")
     elif result.key and result.warnings:
         if result.outdated:
             show_text(layout, "Warnings of the last fit, before the change:", "INFO")
-        if len(result.warnings) > 1:
-            rows = min(len(result.warnings), MAX_ROWS)
-            names = "SKIN_UL_warnings", "", result, "warnings", result, "warning_index"
-            layout.template_list(*names, rows=rows, maxrows=rows, sort_lock=True)
-        index = min(result.warning_index, len(result.warnings) - 1)
-        draw_warning(layout, plan, read_warning(result.warnings[index]), index)
+        draw_warnings(layout, plan, result)
+
+
+def draw_warnings(layout, plan, result):
+    """Draw the selected warning of a result, and the list of all; a long list is one line until it is opened."""
+    count, is_open = len(result.warnings), plan.steps.warnings
+    index = min(result.warning_index, count - 1)
+    warning = read_warning(result.warnings[index])
+    if count > MAX_OPEN:
+        row, icon = layout.row(), "DOWNARROW_HLT" if is_open else "RIGHTARROW"
+        row.alignment = "LEFT"
+        message = "" if is_open else f": {warning.message}"
+        text = shortened(f"Warning {index + 1} of {count}{message}", "")
+        row.prop(plan.steps, "warnings", text=text, icon=icon, emboss=False)
+        if not is_open:
+            draw_actions(layout, plan, warning, index)
+            return
+    if count > 1:
+        rows = min(count, MAX_ROWS)
+        names = "SKIN_UL_warnings", "", result, "warnings", result, "warning_index"
+        layout.template_list(*names, rows=rows, maxrows=rows, sort_lock=True)
+    draw_warning(layout, plan, warning, index)
 
 
 def draw_warning(layout, plan, warning, index):
-    """Draw a warning in full, the button that shows its place, and the one that does what it advises."""
+    """Draw a warning in full, and its buttons."""
     show_warning(layout, warning)
+    draw_actions(layout, plan, warning, index)
+
+
+def draw_actions(layout, plan, warning, index):
+    """Draw the button that shows the place of a warning, and the one that does what it advises."""
     row = buttons(layout)
     if warning.where.point is not None:
         is_marked = plan.inspect.marked_place == mark_of(warning)

@@ -57,6 +57,24 @@ def test_every_action_is_an_operator(bpy, advice):
             assert getattr(getattr(bpy.ops, module), name).get_rna_type().description
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 7])
+def test_long_list_of_warnings_is_folded_to_a_line(bpy, link, count):
+    """Up to three warnings have a list and the selected one in full. More are one line with its buttons; it opens."""
+    bpy.ops.skin_calib.fit()
+    for k in range(count):
+        record = link.skin_calib.result.warnings.add()
+        record.code, record.severity, record.message = "off-mesh", "warning", f"Warning number {k}"
+        record.has_point = True
+    link.skin_calib.result.warning_index = count - 1
+    in_full = f"Warning number {count - 1}"
+    shown = draw(bpy, "status")
+    assert ("warning_index" in shown) == (1 < count <= 3)
+    assert (in_full in shown) == (count <= 3) and "Show" in shown
+    link.skin_calib.steps.warnings = True
+    shown = draw(bpy, "status")
+    assert ("warning_index" in shown) == (count > 1) and in_full in shown and "Show" in shown
+
+
 def test_refused_fit_leaves_its_reason_until_a_change(bpy, link, updates):
     """The reason is in the status after Fit; an edit of the plan removes it."""
     link.skin_calib.grid.margin = 0.05
@@ -165,10 +183,12 @@ def test_advice_that_does_not_help_changes_nothing_and_is_followed_by_the_next(b
     for text in ("Use a Sector", "Widen the Margin"):
         offers = advice.offered(advice.warning_at(link, advice.REFUSAL), link.skin_calib, 1.0)
         assert next(offers)[0].text == text and "Do What It Advises" in draw(bpy, "status")
+        assert any("press Propose" in shown for shown in draw(bpy, "status"))
         assert bpy.ops.skin_calib.take_advice(index=advice.REFUSAL) == {"CANCELLED"}
         assert link.skin_calib.grid.kind == "tube" and link.skin_calib.grid.margin == margin
     (action, _), *others = advice.offered(advice.warning_at(link, advice.REFUSAL), link.skin_calib, 1.0)
     assert action.text == "Propose" and not others
+    assert not any("press Propose" in text for text in draw(bpy, "status"))
     link.skin_calib.grid.n += 1
     refused(bpy)  # what was tried on another plan may help now
     assert next(advice.offered(advice.warning_at(link, advice.REFUSAL), link.skin_calib, 1.0))[0].text == "Use a Sector"

@@ -3,12 +3,19 @@
 from buttons import press
 from sample import hover_view, pink, plan
 
+# A long warning and its advice, as that of a narrow link.
+WARNING = (
+    "The surface is 7.96 mm (limit 2 mm) off the mesh at (-12.4, 33.0, -118.2) mm, near u-plane 3 and half-plane at "
+    "221.8 degrees."
+)
+ADVICE = "Cut away what protrudes there, move the planes away from it, or use more planes."
 WIDTHS = 500, 250, 170  # of the sidebar, at which its texts are looked at [pixel]
 
 
 def drive(gui):
     yield from gui.tab("Skin")
     yield from closes_what_is_done(gui)
+    yield from folds_many_warnings(gui)
     yield from refuses_with_a_place(gui)
     yield from stays_while_scrolled(gui)
     yield from mends_it(gui)
@@ -41,6 +48,28 @@ def closes_what_is_done(gui):
     assert not (yield from is_scrolled(gui)), "the tab is longer than the sidebar after the fit"
     yield from hover_view(gui)
     yield from gui.shot("fitted.png")
+
+
+def folds_many_warnings(gui):
+    """With seven long warnings nothing is scrolled while a sheet is edited; the folded list has all of them."""
+    before = len(plan().result.warnings)
+    for k in range(7):
+        record = plan().result.warnings.add()
+        record.code, record.severity, record.message = "off-mesh", "warning", f"{k} {WARNING}"
+        record.advice, record.has_point, record.point = ADVICE, True, (0.03, 0.0, 0.05)
+    yield from gui.redraw(2)
+    assert not (yield from is_scrolled(gui)), "the tab with seven warnings is longer than the sidebar"
+    yield from hover_view(gui)
+    yield from gui.shot("seven.png")
+    yield from press(gui, "skin_calib.steps.warnings")
+    yield from gui.redraw(2)
+    yield from hover_view(gui)
+    yield from gui.shot("seven_open.png")
+    assert plan().steps.warnings
+    yield from press(gui, "skin_calib.steps.warnings")
+    assert not plan().steps.warnings
+    while len(plan().result.warnings) > before:
+        plan().result.warnings.remove(before)
 
 
 def refuses_with_a_place(gui):

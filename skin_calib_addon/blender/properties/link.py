@@ -79,6 +79,7 @@ class SKIN_PG_steps(bpy.types.PropertyGroup):
 
     link: _open("Link")
     mesh: _open("Mesh")
+    warnings: _open("List of Warnings", False)
     reasons: _open("Proposal", False)
     cut: _open("Cut", False)
     grid: _open("Grid")
