@@ -9,21 +9,20 @@ from pathlib import Path
 from time import perf_counter
 
 import bpy
-from buttons import find, open_line, open_tab, press
+from buttons import open_line, open_tab, press
 from drive_import import dropped
 from sample import hover_view, ours, pink
 
 ROOT = Path(__file__).resolve().parents[2]
 OK = -61, -93  # from where the zip is dropped to the button of the dialogue [pixel]
 MODULE = "bl_ext.user_default.skin_calib"
-# The drop of the zip, the key N, two tabs, the line of a step, the kind of heat map, and clicks into two fields that
-# are entered by a key.
-OTHER_CLICKS = 8
+PAGE = ROOT / "docs" / "tutorial" / "blender.md"
 MAX_CLICKS = 25
 
 
 def drive(gui):
-    clicks, start = count_clicks(gui), perf_counter()
+    gui.clicks, start = [], perf_counter()
+    count_clicks(gui)
     yield from installs(gui, *gui.args)
     yield from imports(gui)
     yield from fits(gui)
@@ -31,25 +30,30 @@ def drive(gui):
     yield from moves_it(gui)
     yield from looks_at_the_error(gui)
     yield from exports(gui)
-    number = OTHER_CLICKS + len(clicks)
-    print(f"{number} clicks, {perf_counter() - start:.0f} s from the zip to the exported calibration")
+    number = len(gui.clicks)
+    print(f"{number} clicks, {perf_counter() - start:.0f} s from the zip to the exported calibration: {gui.clicks}")
     assert number <= MAX_CLICKS
+    assert f"{number} clicks" in PAGE.read_text(encoding="utf-8"), f"the page does not state {number} clicks"
 
 
 def count_clicks(gui):
-    """Return a list that gets an entry at each click and drag, and each file that is chosen."""
-    clicks = []
+    """Note each click and drag; a file that is chosen is one, and the button of its browser another."""
 
     def counted(act):
         def perform(*words, **options):
-            clicks.append(act.__name__)
+            gui.clicks.append(act.__name__)
             yield from act(*words, **options)
 
         return perform
 
     for name in ("click", "drag", "choose_file"):
         setattr(gui, name, counted(getattr(gui, name)))
-    return clicks
+
+
+def one_click(gui, what, act):
+    """Perform what a user does by one click, and the driver by none, or by trying out places."""
+    gui.clicks.append(what)
+    yield from act
 
 
 def plan():
@@ -60,13 +64,13 @@ def plan():
 def installs(gui, archive):
     """The zip is dropped into the view, and the dialogue confirmed; N and a click show the tab."""
     assert MODULE not in bpy.context.preferences.addons
-    yield from dropped(gui, archive)
+    yield from one_click(gui, "drop of the zip", dropped(gui, archive))
     yield 1.0
     region = gui.region()
     yield from gui.click(region.x + region.width // 2 + OK[0], region.y + region.height // 2 + OK[1])
     yield from gui.wait(lambda: MODULE in bpy.context.preferences.addons, 30, "the extension")
     yield from hover_view(gui)
-    yield from open_tab(gui, "Skin")
+    yield from one_click(gui, "tab", open_tab(gui, "Skin"))
 
 
 def imports(gui):
@@ -96,8 +100,7 @@ def adds_a_sheet(gui):
     """It is placed in the middle; its columns are typed."""
     yield from press(gui, "skin_calib.skin_add(kind='sheet'")
     for name, value in (("columns", "12"), ("rows", "5")):
-        yield from find(gui, f"skin_calib.skins[0].{name}")
-        yield from gui.key("RET")
+        yield from press(gui, f"skin_calib.skins[0].{name}")
         yield from gui.key("A", "ctrl")
         yield from gui.type(value)
         yield from gui.key("RET")
@@ -116,10 +119,10 @@ def moves_it(gui):
 
 def looks_at_the_error(gui):
     """A heat map and its legend; in the tab Skin, the mark of the maximum deviation."""
-    yield from open_tab(gui, "Inspect")
+    yield from one_click(gui, "tab", open_tab(gui, "Inspect"))
     yield from press(gui, "skin_calib.inspect.heat")
     yield 0.5
-    yield from gui.key("E")  # Error
+    yield from one_click(gui, "entry of a menu", gui.key("E"))  # Error
     yield from gui.redraw(2)
     assert plan().inspect.heat == "ERROR"
     yield from hover_view(gui)
@@ -127,8 +130,8 @@ def looks_at_the_error(gui):
     yield from gui.shot("5_error.png", area="VIEW_3D")
     r, g, b = gui.pixels("VIEW_3D")[-150:, :300].astype(int).transpose(2, 0, 1)
     assert ((r > 220) & (g > 200) & (b < 90)).sum() > 50, "the end of the colour bar is not in the corner of the view"
-    yield from open_tab(gui, "Skin")
-    yield from open_line(gui, lambda: plan().steps, "fit")
+    yield from one_click(gui, "tab", open_tab(gui, "Skin"))
+    yield from one_click(gui, "line of a step", open_line(gui, lambda: plan().steps, "fit"))
     yield from press(gui, "skin_calib.show_worst")
     yield from hover_view(gui)
     yield from gui.redraw(2)
