@@ -8,7 +8,7 @@ obstacle that comes near without contact; and something hot. The controller know
 readings of force, proximity and temperature.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,14 +31,16 @@ PERIOD = 4e-3  # of the control [s]
 HELD = '</worldbody><equality><weld body1="pelvis"/></equality><worldbody>'
 JOINTS = 7  # of the arm, the last ones of the robot
 PROBE_MASS, PROBE_DAMPING, PROBE_STIFFNESS = 0.3, 30.0, 2000.0  # of a hand that presses [kg, N s/m, N/m]
-STROKES = {"contacts": 0.06, "near": 0.03, "heat": -0.05}  # beyond the forearm's place at the start [m]
+STROKES = {"contacts": 0.06, "links": 0.06, "near": 0.03, "heat": -0.05}  # beyond the forearm's place at the start [m]
 PROBE_SPEED = 0.06  # where no force is wanted [m/s]
 MIN_FORCE = 0.3  # below which the mean is nothing [N]
 FELT_TIME = 0.02  # of the mean of the felt wrench [s]
 START = np.array((0.3, 0.4, 0.0, -1.5, 0.0, 0.0, 0.0))  # [rad]
 RESOLVER_DAMPING = 8.0  # D [N m s/rad]. Larger: the arm yields more slowly
 HAND_STIFFNESS, HAND_DAMPING, HAND_SPEED = 400.0, 40.0, 0.5  # [N/m, N s/m, m/s]
-POSTURE = {"contacts": 4.0, "pressure": 40.0, "pain": 4.0, "near": 4.0, "heat": 4.0}  # stiffness [N m/rad]
+POSTURE = {  # stiffness [N m/rad]
+    "contacts": 4.0, "links": 4.0, "pressure": 40.0, "pain": 4.0, "near": 4.0, "heat": 4.0
+}  # fmt: skip
 AREA = 2.5e-4  # xi: at this area of contact, two cells, the pressure-driven wrench is the felt one [m^2]
 PAIN = 10.0, 5.0, 0.5  # of the pressure-driven force: on and off [N, N], time below [s]. The thesis has 10 N
 REPULSION = 1e6  # per area of skin with a sensor [N/m^3]: one taxel of nine has one
@@ -47,6 +49,10 @@ HEAT_TIME, HEAT_STEP, HEAT_NOISE = 0.3, 0.25, 0.1  # of the temperature sensors:
 # Colours of a pad at the temperature of the air and at that of the last value, in the animation [rgba, rgba, degC].
 COLD_PAD, HOT_PAD, SHOWN_HOT = np.array((0.1, 0.6, 0.3, 1.0)), np.array((1.0, 0.1, 0.05, 1.0)), 60.0
 SMALL, BALL, PRESSED = 0.006, 0.05, 0.13  # radius of a ball of the probes, of the obstacle, place of the probes [m]
+PROBES = {"contacts": 2, "links": 2, "near": 1, "heat": 1}  # where they are not those of a small or a large one
+RADIUS = {"contacts": 0.02, "links": 0.02, "near": BALL, "heat": BALL}  # of other probes [m]
+# Places of the balls of a large probe along and around the arm, in distances between adjacent ones.
+SEVEN = np.array(((-0.5, -1), (0.5, -1), (-1, 0), (0, 0), (1, 0), (-0.5, 1), (0.5, 1)))
 TITLES = {
     "contacts": "two contacts, each moves 6 cm inward",
     "pressure": "8 N by a small and a large probe",
@@ -70,7 +76,7 @@ THESIS = {  # what it states of its figures, which are diagrams
     ("near", "first"): "repelled without contact (figure 17)",
     ("heat", "first"): "the hand task is blocked (figures 19 and 20)",
 }
-TIMES = {"contacts": 2.5, "pressure": 1.0, "pain": 10.0, "near": 3.5, "heat": 4.0}  # [s]
+TIMES = {"contacts": 2.5, "links": 2.5, "pressure": 1.0, "pain": 10.0, "near": 3.5, "heat": 4.0}  # [s]
 Array = np.ndarray
 
 
@@ -81,23 +87,23 @@ class Case:
     kind: str
     variant: str
     seed: int
+    period: float = PERIOD  # of the control [s]
 
 
 def probe_geoms(case: Case) -> str:
     """Return bodies that the experiment moves."""
-    shapes = {
-        "contacts": ('type="sphere" size=".02"',) * 2,
-        "near": (f'type="sphere" size="{BALL}"',),
-        "heat": (f'type="sphere" size="{BALL}"',),
-    }
-    balls = len(cushion()) if case.variant.startswith("large") else 1
-    shown = shapes.get(case.kind, (f'type="sphere" size="{SMALL}"',) * balls)
+    balls = balls_of(case)
     return "".join(
         f'<body name="probe{k}" gravcomp="1"><joint name="probe{k}" type="slide" axis="0 0 1" limited="false" '
-        f'damping="{PROBE_DAMPING / balls}"/><geom class="terrain" {shape} mass="{PROBE_MASS / balls}" '
-        'rgba=".85 .4 .2 1"/></body>'
-        for k, shape in enumerate(shown)
+        f'damping="{PROBE_DAMPING / balls}"/><geom class="terrain" type="sphere" size="{RADIUS.get(case.kind, SMALL)}" '
+        f'mass="{PROBE_MASS / balls}" rgba=".85 .4 .2 1"/></body>'
+        for k in range(PROBES.get(case.kind, balls))
     )
+
+
+def balls_of(case: Case) -> int:
+    """Return the number of balls of one probe."""
+    return len(SEVEN) if case.variant.startswith("large") else 1
 
 
 def cushion() -> Array:
@@ -107,8 +113,8 @@ def cushion() -> Array:
     """
     radius = radius_at(PRESSED) + SMALL
     taper = (WRIST_RADIUS - ELBOW_RADIUS) / FOREARM_LENGTH
-    around = np.array((-1, -1, 0, 0, 0, 1, 1)) * 0.012 / radius
-    x = np.array((-0.5, 0.5, -1, 0, 1, -0.5, 0.5)) * 0.012
+    x, y = 0.012 * SEVEN.T
+    around = y / radius
     at = radius + taper * x
     return np.column_stack((x, at * np.sin(around), radius - at * np.cos(around)))
 
@@ -120,14 +126,19 @@ def radius_at(distance: float) -> float:
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot whose last seven joints are those of an arm with skin on one link, and with a site ``hand``."""
+    """A robot whose last seven joints are those of an arm with skin, and with a site ``hand``."""
 
     model: mujoco.MjModel  # simulated, with probes and skin
     nominal: mujoco.MjModel  # what a controller knows
-    calibration: LinkCalibration  # of the link
-    link: str
+    calibrations: tuple[LinkCalibration, ...]  # the first one is that of the link that most experiments touch
     start: Array  # (7,) [rad]
     prefix: str = ""  # of all names in the simulated model
+    area: float = AREA  # xi of the pressure-driven wrench [m^2]
+
+    @property
+    def link(self) -> str:
+        """The link that most experiments touch."""
+        return self.calibrations[0].link
 
 
 class Arm:
@@ -139,17 +150,23 @@ class Arm:
         Its seed is that of the noise and of the places of the probes.
     """
 
+    azimuth = -115.0  # of an animation [degree]
+
     def __init__(self, case: Case):
         self.case, self.rng, self.robot = case, np.random.default_rng(case.seed), self.load(case)
-        self.model, calibration = self.robot.model, self.robot.calibration
-        model, link = self.model, self.robot.prefix + self.robot.link
+        self.model, link, model = self.robot.model, self.robot.prefix + self.robot.link, self.robot.model
         self.data = mujoco.MjData(model)
-        self.skin = Skin(calibration)
-        self._touch = np.array([model.sensor(f"{link}/{id}").adr[0] for id in self.skin.ids])
+        self.skins = {calibration.link: Skin(calibration) for calibration in self.robot.calibrations}
+        self.skin = self.skins[self.robot.link]
+        self._touch = {
+            name: np.array([model.sensor(f"{self.robot.prefix}{name}/{id}").adr[0] for id in skin.ids])
+            for name, skin in self.skins.items()
+        }
         self._sites = np.array([model.site(f"{link}/{id}").id for id in self.skin.ids])
-        channels = next(m.channels for m in calibration.modalities if m.name == "proximity")
+        channels = next(m.channels for m in self.robot.calibrations[0].modalities if m.name == "proximity")
         self._near = [(channel, model.site(f"{link}/{id}").id) for id, channel in channels.items()]
-        self.skin.tare(np.stack([self._counts(np.zeros(self.skin.reading_length)) for _ in range(REST)]))
+        for skin in self.skins.values():
+            skin.tare(np.stack([self._counts(np.zeros(skin.reading_length)) for _ in range(REST)]))
         self.probes = [k for k in range(model.nbody) if model.body(k).name.startswith("probe")]
         self._is_hot, self._heat = case.kind == "heat", np.full(len(self.skin.ids), AIR)
         self.targets = np.zeros(model.nu)
@@ -160,23 +177,29 @@ class Arm:
     def load(self, case: Case) -> Robot:
         """Return the robot with the probes of a case."""
         model = build(probe_geoms(case) + HELD, covered=("forearm",))
-        return Robot(model, nominal(), skins()["forearm"], "forearm", START)
+        return Robot(model, nominal(), (skins()["forearm"],), START)
 
     def step(self, targets: Array, torques: Array) -> None:
         """Simulate one control cycle with angles and torques of the servos, (7,) each."""
         self.targets[-JOINTS:] = targets
         self.data.ctrl[:] = self.targets
         self.data.ctrl[-JOINTS:] += torques / self.model.actuator_gainprm[-JOINTS:, 0]
-        substeps = round(PERIOD / TIME_STEP)
+        substeps = round(self.case.period / TIME_STEP)
         for k in range(substeps):  # the sensors, most of the work, are computed when they are read
             self.model.opt.disableflags = 0 if k == substeps - 1 else mujoco.mjtDisableBit.mjDSBL_SENSOR
             mujoco.mj_step(self.model, self.data)
 
-    def senses(self) -> tuple[float, Array, Array, dict[str, Array], Array]:
-        """Return time, angles and velocities of the arm, readings of its skin, temperatures of the taxels [degC]."""
-        force = np.zeros(self.skin.reading_length)
-        force[self.skin.channels] = self.data.sensordata[self._touch]
-        readings = {"force": self._counts(force), "proximity": self._proximity()}
+    def senses(self) -> tuple[float, Array, Array, dict[str, dict[str, Array]], Array]:
+        """Return time, angles and velocities of the arm, readings of its skins, temperatures of the taxels [degC].
+
+        The skin of the first link alone has distances and temperatures.
+        """
+        readings = {}
+        for link, skin in self.skins.items():
+            force = np.zeros(skin.reading_length)
+            force[skin.channels] = self.data.sensordata[self._touch[link]]
+            readings[link] = {"force": self._counts(force)}
+        readings[self.robot.link]["proximity"] = self._proximity()
         q, qd = self.data.qpos[-JOINTS:].copy(), self.data.qvel[-JOINTS:].copy()
         return self.data.time, q, qd, readings, self._temperatures()
 
@@ -204,7 +227,7 @@ class Arm:
             distance = np.linalg.norm(arm, axis=1)
             facing = (self.data.site_xmat[self._sites].reshape(-1, 3, 3)[:, :, 2] * arm).sum(axis=1) / distance
             target += (HOT - AIR) * np.clip(facing, 0, 1) * np.minimum(BALL / distance, 1) ** 2
-        self._heat += PERIOD / HEAT_TIME * (target - self._heat)
+        self._heat += self.case.period / HEAT_TIME * (target - self._heat)
         noisy = self._heat + self.rng.normal(0, HEAT_NOISE, len(target))
         return np.rint(noisy / HEAT_STEP) * HEAT_STEP
 
@@ -227,6 +250,11 @@ class Arm:
         return body.geomadr[0] + np.arange(body.geomnum[0])
 
     @property
+    def centre(self) -> Array:
+        """Where an animation looks (3,) [m]."""
+        return self.data.body("wrist").xpos
+
+    @property
     def hand(self) -> Array:
         """Position (3,) of the hand [m]."""
         return self.data.site(f"{self.robot.prefix}hand").xpos
@@ -241,13 +269,27 @@ class Arm:
         rows = contacts.efc_address[(self.model.geom_bodyid[contacts.geom] == self.probes[k]).any(axis=1)]
         return float(self.data.efc_force[rows[rows >= 0]].sum())
 
-    def places(self, kind: str, turn: Array) -> list[tuple[float, Array]]:
-        """Return for each probe the distance from the elbow [m], and the direction (3,) from which it comes."""
+    def places(self, turn: Array, jitter: Array) -> list[tuple[Array, Array]]:
+        """Return for each probe of the case the point (3,) to which it comes, and an outward vector (3,) there.
+
+        The vector is perpendicular to :attr:`axis`.
+
+        Parameters
+        ----------
+        turn, jitter : array, shape (2,)
+            By which the directions and the points are moved along the arm, which the seed decides [1, m].
+        """
         up, side = np.array((0.0, 0, 1)), np.array((0.0, 1, 0))
         below, lateral = (0.12, -up + turn[0] * side), (PRESSED, side + turn[0] * up)
-        return {
+        places = {
             "contacts": [(0.17, up + turn[0] * side), (0.08, side + turn[1] * up)], "near": [below], "heat": [below]
-        }.get(kind, [lateral])  # fmt: skip
+        }.get(self.case.kind, [lateral])  # fmt: skip
+        return [self.surface(distance + by, direction) for (distance, direction), by in zip(places, jitter)]
+
+    @property
+    def cushion(self) -> Array:
+        """Places (7, 3) of the balls of a large probe; z inward [m]."""
+        return cushion()
 
     @property
     def axis(self) -> Array:
@@ -275,24 +317,25 @@ class Controller:
     ----------
     case : Case
         Its kind and variant say which tasks there are.
-    skin : Skin
-        Of the forearm.
+    skins : dict of Skin
+        By link.
     robot : Robot
-        Its nominal model, the name of the link, and the start; nothing else of it is used.
+        Its nominal model, the name of the first link, the start, and the area; nothing else of it is used.
     """
 
-    def __init__(self, case: Case, skin: Skin, robot: Robot):
-        self.case, self.skin = case, skin
+    def __init__(self, case: Case, skins: dict[str, Skin], robot: Robot):
+        self.case, self.skins, self.xi = case, skins, robot.area
         self.model, self.link, self.start = robot.nominal, robot.link, robot.start
         self.data = mujoco.MjData(self.model)
         self.resolver = TorqueResolver(self.start, RESOLVER_DAMPING, self.model.jnt_range[-JOINTS:])
         self.pain = Switch(*PAIN)
         self.goal: Array | None = None  # of the hand
         self.since = np.inf  # when the pain began [s]
-        self.virtual, self.area, self.felt, self.torques = 0.0, 0.0, np.zeros(6), np.zeros(JOINTS)
+        self.virtual, self.area, self.torques = 0.0, 0.0, np.zeros(JOINTS)
+        self.felt = {link: np.zeros(6) for link in skins}  # mean wrench of each link
 
     def __call__(
-        self, time: float, q: Array, qd: Array, readings: dict[str, Array], heat: Array
+        self, time: float, q: Array, qd: Array, readings: dict[str, dict[str, Array]], heat: Array
     ) -> tuple[Array, Array]:
         """Return angles and torques of the servos, (7,) each [rad, N m]."""
         model, data, resolver = self.model, self.data, self.resolver
@@ -301,45 +344,48 @@ class Controller:
         gravity, mass = data.qfrc_bias[-JOINTS:].copy(), np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, mass)
         mass = mass[-JOINTS:, -JOINTS:]
-        pose = pose_from_mujoco(data.body(self.link).xpos, data.body(self.link).xmat)
-        frame = self.skin.update(readings, time)
-        kind, variant, geometry = self.case.kind, self.case.variant, self.skin.geometry
+        poses = {link: pose_from_mujoco(data.body(link).xpos, data.body(link).xmat) for link in self.skins}
+        frames = {link: skin.update(readings[link], time) for link, skin in self.skins.items()}
+        frame, geometry = frames[self.link], self.skins[self.link].geometry
+        kind, variant = self.case.kind, self.case.variant
 
-        def task(wrenches: Any) -> tuple[Array, Array]:
-            rows = contact_torques({self.link: wrenches}, {self.link: pose}, self._jacobian, JOINTS)
+        def task(wrenches: dict[str, Any]) -> tuple[Array, Array]:
+            rows = contact_torques(wrenches, poses, self._jacobian, JOINTS)
             return rows.sum(axis=0), rows
 
-        pressure = kind == "pain" or variant.endswith("pressure")
-        wrench = np.nan_to_num(frame.wrench)  # an unknown one is none
-        if pressure:
-            wrench = pressure_driven(wrench, frame.area, AREA)
-        self.felt = self.felt + PERIOD / FELT_TIME * (wrench - self.felt)
-        felt = self.felt if np.linalg.norm(self.felt[:3]) > MIN_FORCE else np.zeros(6)
-        self.virtual = float(np.linalg.norm(felt[:3]))
+        for link, felt in frames.items():
+            wrench = np.nan_to_num(felt.wrench)  # an unknown one is none
+            if kind == "pain" or variant.endswith("pressure"):
+                wrench = pressure_driven(wrench, felt.area, self.xi)
+            self.felt[link] = self.felt[link] + self.case.period / FELT_TIME * (wrench - self.felt[link])
+        contacts = {link: wrench for link, wrench in self.felt.items() if np.linalg.norm(wrench[:3]) > MIN_FORCE}
+        self.virtual = float(np.linalg.norm(contacts.get(self.link, np.zeros(6))[:3]))
         self.area = frame.area
         posture = (
             POSTURE[kind] * (self.start - resolver.angles),
             np.eye(JOINTS),
         )
         hand = self._hand()
-        if kind == "contacts":
-            tasks = [posture] if variant == "stiff" else [task(felt), posture]
+        if kind in ("contacts", "links"):
+            if variant == "one link":
+                contacts = {link: wrench for link, wrench in contacts.items() if link == self.link}
+            tasks = [posture] if variant == "stiff" else [task(contacts), posture]
         elif kind == "pressure":
-            tasks = [task(felt), posture]
+            tasks = [task(contacts), posture]
         elif kind == "pain":
             hurts = self.pain.update(self.virtual, time)
             self.since = min(self.since, time) if hurts else np.inf
-            tasks = [task(felt), posture] if hurts else [hand, task(felt), posture]
+            tasks = [task(contacts), posture] if hurts else [hand, task(contacts), posture]
         else:
             if kind == "near":
                 virtual = proximity_wrench(geometry, frame.modalities["proximity"], RANGE, REPULSION)
             else:
                 virtual = temperature_wrench(geometry, heat, HEAT_LIMIT, HEAT_GAIN)
-            self.virtual, flee = float(np.linalg.norm(virtual[:3])), task(virtual)
+            self.virtual, flee = float(np.linalg.norm(virtual[:3])), task({self.link: virtual})
             orders = {"hand only": [hand], "null space": [hand, flee], "first": [flee, hand]}
             tasks = [*orders[variant], posture]
         self.torques = prioritized(tasks, mass)
-        return resolver.step(self.torques, mass, PERIOD), gravity
+        return resolver.step(self.torques, mass, self.case.period), gravity
 
     def _jacobian(self, link: str) -> Array:
         jacobian = np.zeros((6, self.model.nv))
@@ -371,14 +417,13 @@ class Experimenter:
         rng = np.random.default_rng(1000 + case.seed)
         jitter = rng.uniform(-0.01, 0.01, 2)
         turn = rng.uniform(-0.2, 0.2, 2)
-        size = {"contacts": 0.02, "near": BALL, "heat": BALL}.get(case.kind, SMALL)
-        places = arm.places(case.kind, turn)
+        size = RADIUS.get(case.kind, SMALL)
+        places = arm.places(turn, jitter)
         self.clear = {"near": 0.12, "heat": 0.2}.get(case.kind, 0.003)  # from the forearm at the start [m]
-        offsets = cushion() if case.variant.startswith("large") else np.zeros((1, 3))
+        offsets = arm.cushion if case.variant.startswith("large") else np.zeros((1, 3))
         self.parts = len(offsets)  # of one probe
         for k in range(len(arm.probes)):
-            distance, direction = places[k // self.parts]
-            point, outward = arm.surface(distance + jitter[k // self.parts], direction)
+            point, outward = places[k // self.parts]
             axis = arm.axis  # of the large probe
             frame = np.column_stack((axis, np.cross(-outward, axis), -outward))  # it slides along its z, inward
             start = point + (size + self.clear) * outward + frame @ offsets[k % self.parts]
@@ -414,8 +459,18 @@ class Result:
     @property
     def speed(self) -> float:
         """Mean speed of the probe while it presses, 0.15 to 0.45 s after the start [m/s]."""
-        first, last = (int(t / PERIOD) for t in (0.15, 0.45))
+        first, last = (int(t / self.period) for t in (0.15, 0.45))
         return float(self["moved"][last] - self["moved"][first]) / (0.45 - 0.15)
+
+    @property
+    def period(self) -> float:
+        """Between the rows [s]."""
+        return float(self["time"][0])
+
+    @property
+    def pressed_area(self) -> float:
+        """Median area of the contact in the time in which the probe presses [m^2]."""
+        return float(np.median(self["area"][round(0.12 / self.period) : round(0.44 / self.period)]))
 
     @property
     def pain_force(self) -> float:
@@ -423,7 +478,7 @@ class Result:
         if not self["pain"].any():
             return np.nan
         k = int(self["pain"].argmax())
-        return float(self["force"][k - round(0.1 / PERIOD) : k].mean())
+        return float(self["force"][k - round(0.1 / self.period) : k].mean())
 
 
 COLUMNS = ("time", "force", "second", "virtual", "area", "hand", "gap", "heat", "moved", "pain", "norm")
@@ -437,9 +492,9 @@ def run(
 ) -> Result:
     """Return what happens in a case."""
     arm = kind(case)
-    controller, hands, log = Controller(case, arm.skin, arm.robot), Experimenter(case, arm), []
+    controller, hands, log = Controller(case, arm.skins, arm.robot), Experimenter(case, arm), []
     rest = arm.hand.copy()
-    touched = None
+    touched, middle = None, hands.parts // 2  # of a large probe, whose outer balls can pass by the arm
     while arm.data.time < (duration or TIMES[case.kind]):
         hands(arm.data.time)
         arm.step(*controller(*arm.senses()))
@@ -447,10 +502,10 @@ def run(
         if hands.parts > 1:
             forces = [sum(forces)]
         if touched is None and forces[0] > 0.5:
-            touched = hands.moved(0)
+            touched = hands.moved(middle)
         log.append((arm.data.time, forces[0], forces[-1], controller.virtual, controller.area,
                     np.linalg.norm(arm.hand - rest), arm.gap(), arm.hottest,
-                    0.0 if touched is None else hands.moved(0) - touched, controller.pain.is_on,
+                    0.0 if touched is None else hands.moved(middle) - touched, controller.pain.is_on,
                     np.linalg.norm(controller.torques)))  # fmt: skip
         if each:
             each(arm)
@@ -463,8 +518,8 @@ class View(Camera):
     """From the side of the arm and a little below it; the colour of each pad is the temperature of its taxel."""
 
     def __init__(self, arm: Arm):
-        super().__init__(arm, azimuth=-115.0, distance=0.75)
-        self.view.lookat[:], self.view.elevation = arm.data.body("wrist").xpos, 25
+        super().__init__(arm, azimuth=arm.azimuth, distance=0.75)
+        self.view.lookat[:], self.view.elevation = arm.centre, 25
 
     def __call__(self, robot: Arm) -> None:
         """Take a frame if it is time for one."""
@@ -484,7 +539,8 @@ def draw(results: dict[tuple[str, str], list[Result]], path, titles: Mapping[str
     import matplotlib.pyplot as plt
 
     panels = (
-        ("contacts", "force", "force of a probe [N]", None), ("pressure", "moved", "motion of the probe [m]", None),
+        ("contacts", "force", "force of a probe [N]", None), ("links", "second", "force on the upper arm [N]", None),
+        ("pressure", "moved", "motion of the probe [m]", None),
         ("pain", "virtual", "pressure-driven force [N]", PAIN[0]), ("near", "gap", "distance [m]", None),
         ("near", "hand", "error of the hand [m]", None), ("heat", "heat", "hottest taxel [°C]", HEAT_LIMIT),
     )  # fmt: skip
@@ -510,17 +566,17 @@ def draw(results: dict[tuple[str, str], list[Result]], path, titles: Mapping[str
     figure.savefig(path, dpi=110)
 
 
-def film(path: Path) -> None:
-    """Write an animation of the burner with seed 0: left the hand task only, right heat first."""
+def film(runs: Sequence[Callable[[Callable[[Arm], None]], Any]], path: Path) -> None:
+    """Write an animation of two runs, each of which calls its argument with the arm in each cycle."""
     views: list[View] = []
-    for number, variant in enumerate(("hand only", "first")):
+    for number, run in enumerate(runs):
 
         def look(arm: Arm, number: int = number) -> None:
             if len(views) == number:
                 views.append(View(arm))
             views[number](arm)
 
-        run(Case("heat", variant, 0), look)
+        run(look)
     side_by_side(*views, path, colours=256)  # few pads are hot
 
 
@@ -531,10 +587,11 @@ def numbers(kind: str, runs: list[Result]) -> str:
         return spread((scale * r[name].max() for r in runs), digits)
 
     hand = f"hand moved {largest('hand', 0, 1e3)} mm"
-    if kind == "contacts":
-        return f"peaks {largest('force')} N and {largest('second')} N"
+    if kind in ("contacts", "links"):
+        is_one = all((r["force"] == r["second"]).all() for r in runs)
+        return f"peak {largest('force')} N" if is_one else f"peaks {largest('force')} N and {largest('second')} N"
     if kind == "pressure":
-        areas = (1e4 * np.median(r["area"][30:110]) for r in runs)
+        areas = (1e4 * r.pressed_area for r in runs)
         return f"speed {spread((1e3 * r.speed for r in runs), 0)} mm/s, area {spread(areas, 1)} cm^2"
     if kind == "pain":
         force = spread((r.pain_force for r in runs), 1)
@@ -567,7 +624,8 @@ def main() -> None:
     report(given, ("experiment", "controller", "thesis", "here"), rows)
     draw(results, given.out / "arm.png", TITLES)
     if not given.no_animation:
-        film(given.out / "arm.gif")
+        shown = [Case("heat", variant, 0) for variant in ("hand only", "first")]
+        film([lambda each, case=case: run(case, each) for case in shown], given.out / "arm.gif")
     print(f"diagram and animation in {given.out}")
 
 

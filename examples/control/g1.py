@@ -3,6 +3,7 @@
     python examples/control/g1.py [--urdf g1_29dof_rev_1_0.urdf] [--seeds 24]
 
 The skin is proposed and fitted by ``skin-calib fit --propose`` and comes into the simulation by ``write_mjcf``. The
+robot stands on its full soles, or on a beam under the middle half of them, of which the controller does not know. The
 controller is that of eq. 4.27 to 4.29 with the gains of table 2. Its ZMP is felt by the skin, or by simulated
 force/torque sensors in the ankles, or not at all. The largest push for 0.1 s that the robot survives is sought as in
 ``balance.py``.
@@ -10,13 +11,13 @@ force/torque sensors in the ankles, or not at all. The largest push for 0.1 s th
 
 import argparse
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-from balance import DIRECTIONS, SEEDS, TABLE_2, draw, largest_push
+from balance import DIRECTIONS, LABELS, SEEDS, TABLE_2, draw, largest_push
 from biped import (
     COUNTS,
     FORCE_NOISE,
@@ -33,7 +34,7 @@ from biped import (
     proximity_counts,
 )
 from estimator import ground_wrenches
-from experiment import arguments, report, run_all, spread
+from experiment import arguments, film_both, report, run_all, spread
 from legs import rotation
 from shapes import RANGE, RANGE_COUNTS
 from zmp_plan import Reference
@@ -60,6 +61,7 @@ LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
 BENT = {"hip_pitch": -0.3, "knee": 0.6, "ankle_pitch": -0.3}  # at the start [rad]
 DOWN = 0.9  # cosine of the angle from straight down, up to which a cell belongs to the underside
 STIFFNESS, DAMPING = 1000.0, 20.0  # of the servos [N m/rad, N m s/rad]
+BOX_COLOUR, FLOOR_COLOUR = [0.75, 0.6, 0.4, 1], [0.78, 0.8, 0.82, 1]
 FRICTION = [0.7, 0.005, 0.0001]  # of cells and floor: MuJoCo takes the larger one [1, m, m]
 SOURCES = ("skin", "ankle", "none")
 START, PUSH, END = 0.5, 0.1, 4.0  # begin of a push, its duration, and end of a run [s]
@@ -74,8 +76,11 @@ class Case:
 
     urdf: Path
     folder: Path  # of the calibrations
+    ground: str
     source: str
     seed: int
+    period: float = PERIOD  # of the control [s]
+    is_shown: bool = False  # with the meshes of the robot, for an animation
 
     @property
     def angle(self) -> float:
@@ -132,17 +137,25 @@ def propose(urdf: Path, folder: Path, links: tuple[str, ...] = FEET) -> None:
             raise SystemExit("the skins could not be fitted; see above")
 
 
-def skeleton(urdf: Path) -> mujoco.MjSpec:
-    """Return the robot without shapes, free to move."""
+def skeleton(urdf: Path, is_shown: bool = False) -> mujoco.MjSpec:
+    """Return the robot free to move, without shapes; if it is to be shown, with its meshes, which touch nothing."""
     tree = ET.parse(urdf)
     for link in tree.iter("link"):
-        for shape in [*link.findall("visual"), *link.findall("collision")]:
+        for shape in [*(() if is_shown else link.findall("visual")), *link.findall("collision")]:
             link.remove(shape)
     root = tree.getroot()
     for settings in root.findall("mujoco"):
         root.remove(settings)
-    root.append(ET.fromstring('<mujoco><compiler fusestatic="false"/></mujoco>'))
+    settings = {"fusestatic": "false", "discardvisual": "false", "strippath": "false", "meshdir": str(urdf.parent)}
+    ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", settings)
     spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
+    for geom in spec.geoms:
+        geom.contype = geom.conaffinity = geom.mass = 0
+        geom.group = 1
+    if is_shown:
+        sky = {"type": mujoco.mjtTexture.mjTEXTURE_SKYBOX, "builtin": mujoco.mjtBuiltin.mjBUILTIN_GRADIENT}
+        spec.add_texture(name="sky", **sky, rgb1=[0.95, 0.97, 1], rgb2=[0.7, 0.78, 0.9], width=64, height=64)
+        spec.worldbody.add_light(pos=[1, -1.5, 3], dir=[-0.3, 0.5, -1], diffuse=[0.8] * 3)
     pelvis = spec.body("pelvis")
     if not pelvis.joints:
         pelvis.add_freejoint()
@@ -167,9 +180,40 @@ def nominal(urdf: Path) -> mujoco.MjModel:
     return skeleton(urdf).compile()
 
 
-def build(urdf: Path, folder: Path) -> mujoco.MjModel:
-    """Return the robot with servos, sensors, the skins of its feet and a floor."""
-    spec = skeleton(urdf)
+@dataclass(frozen=True)
+class Box:
+    """A part of the ground."""
+
+    centre: tuple[float, float, float]  # [m]
+    half: tuple[float, float, float]  # size [m]
+    name: str = ""  # of a box that the experimenter can move
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """A floor and boxes."""
+
+    floor: float = 0.0  # height [m]
+    boxes: tuple[Box, ...] = ()
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Add the ground to a model."""
+        ground = {"group": TERRAIN_GROUP, "friction": FRICTION, "contype": 2, "conaffinity": 1}
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 0.1], pos=[0, 0, self.floor], rgba=FLOOR_COLOUR, **ground
+        )
+        for box in self.boxes:
+            body = spec.worldbody.add_body(name=box.name, pos=box.centre, mocap=bool(box.name))
+            body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=box.half, rgba=BOX_COLOUR, **ground)
+
+
+# Half sole: a beam under the middle half of both soles, which are 190 mm long with their cells.
+GROUND = {"full sole": Terrain(), "half sole": Terrain(-0.06, (Box((0.047, 0.0, -0.03), (0.0475, 0.3, 0.03)),))}
+
+
+def build(urdf: Path, folder: Path, terrain: Terrain = Terrain(), is_shown: bool = False) -> mujoco.MjModel:
+    """Return the robot with servos, sensors, the skins of its feet and the ground."""
+    spec = skeleton(urdf, is_shown)
     for joint in spec.joints:
         if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
             servo = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
@@ -189,8 +233,7 @@ def build(urdf: Path, folder: Path) -> mujoco.MjModel:
                 geom.solref, geom.friction = [0.008, 1], FRICTION
                 geom.contype, geom.conaffinity = 1, 2  # cells touch the floor, not each other
         spec.body(foot).add_frame().attach_body(skin.body(foot), f"{foot}/", "")
-    floor = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [5, 5, 0.1], "group": TERRAIN_GROUP, "friction": FRICTION}
-    spec.worldbody.add_geom(**floor, contype=2, conaffinity=1)
+    terrain.add_to(spec)
     return spec.compile()
 
 
@@ -229,12 +272,28 @@ class G1:
         Of the noise.
     proximity : bool
         Whether the cells below the feet measure distances, too.
+    terrain : Terrain
+        The ground.
+    period : float
+        Of the control cycle [s], a multiple of ``TIME_STEP``.
+    is_shown : bool
+        Whether the model has the meshes of the robot.
     """
 
     foot_bodies = dict(zip(FEET, FEET))
 
-    def __init__(self, urdf: Path, folder: Path, seed: int, proximity: bool = False):
-        self.model = build(urdf, folder)
+    def __init__(
+        self,
+        urdf: Path,
+        folder: Path,
+        seed: int,
+        proximity: bool = False,
+        terrain: Terrain = Terrain(),
+        period: float = PERIOD,
+        is_shown: bool = False,
+    ):
+        self.period = period
+        self.model = build(urdf, folder, terrain, is_shown)
         self.data, self.rng = mujoco.MjData(self.model), np.random.default_rng(seed)
         skins, self.cells, self.near = {}, {}, {}
         for foot in FEET:
@@ -288,7 +347,7 @@ class G1:
         """Simulate one cycle with angles and additional torques of the servos, and a force (3,) on the pelvis [N]."""
         self.data.ctrl[:] = targets + torques / STIFFNESS
         self.data.xfrc_applied[self.model.body("pelvis").id, :3] = 0 if push is None else push
-        for _ in range(round(PERIOD / TIME_STEP)):
+        for _ in range(round(self.period / TIME_STEP)):
             mujoco.mj_step(self.model, self.data)
             for foot in self.peaks:
                 load = float(self._normal_forces()[self.cells[foot]].sum())
@@ -317,7 +376,7 @@ class G1:
             force = np.zeros(6)
             mujoco.mj_contactForce(self.model, self.data, k, force)
             force = contact.frame.reshape(3, 3).T @ force[:3]
-            if self.model.geom_type[contact.geom[1]] == mujoco.mjtGeom.mjGEOM_PLANE:
+            if self.model.geom_group[contact.geom[1]] == TERRAIN_GROUP:  # the force is that on the second geom
                 force = -force
             total += np.concatenate((force, cross(contact.pos, force)))
         return np.array((-total[4], total[3])) / total[2] if abs(total[2]) > 1 else np.full(2, np.nan)
@@ -329,7 +388,7 @@ class Balancer:
     Parameters
     ----------
     robot : G1
-        Its skins and its start; nothing else of it is used.
+        Its skins, its start and its period; nothing else of it is used.
     urdf : path
         Of the robot.
     source : str
@@ -337,7 +396,7 @@ class Balancer:
     """
 
     def __init__(self, robot: G1, urdf: Path, source: str):
-        self.model, self.body, self.source = nominal(urdf), robot.body, source
+        self.model, self.body, self.source, self.period = nominal(urdf), robot.body, source, robot.period
         self.data, self.planned = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self.feet = {foot: self.model.body(foot).id for foot in FEET}
         self.pelvis = self.model.body("pelvis").id
@@ -376,7 +435,7 @@ class Balancer:
         zmp = {"skin": skin, "ankle": ankle, "none": wanted}[self.source]
         if np.isfinite(zmp).all():
             speed = com_velocity_command(zmp, wanted, self.com, self.goal, TABLE_2.zmp, TABLE_2.com)
-            self.com = self.com + speed * PERIOD
+            self.com = self.com + speed * self.period
         self._tilt(wanted, frame, wrenches)
         self._solve()
         return self.planned.qpos[7:].copy(), self._torques(wanted), skin, ankle
@@ -413,7 +472,7 @@ class Balancer:
     def _tilt(self, wanted: Array, frame, wrenches: dict[str, Array]) -> None:
         """Turn the soles so that their CoPs go to the desired ZMP."""
         for foot in FEET:
-            self.tilts[foot] = self.tilts[foot] * (1 - PERIOD / TABLE_2.leak)
+            self.tilts[foot] = self.tilts[foot] * (1 - self.period / TABLE_2.leak)
             load, cop = 0.0, None
             if self.source == "skin" and foot in frame.links and frame.links[foot].cop is not None:
                 load, cop = frame.links[foot].load, frame.links[foot].cop
@@ -423,7 +482,7 @@ class Balancer:
                 continue
             goal = self.soles[foot].inset(TABLE_2.margin).closest(wanted - self.anchors[foot][:2])
             moment = load * (goal - cop)
-            self.tilts[foot] = self.tilts[foot] + TABLE_2.ankle * PERIOD * np.array((-moment[1], moment[0]))
+            self.tilts[foot] = self.tilts[foot] + TABLE_2.ankle * self.period * np.array((-moment[1], moment[0]))
 
     def _solve(self) -> None:
         """Move the planned posture by one Newton step to the CoM, upright, with the feet on their anchors."""
@@ -471,21 +530,24 @@ def _turn_between(now: Array, wanted: Array) -> Array:
     return np.array((off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1])) / 2
 
 
-def push(case: Case, impulse: float) -> tuple[bool, Array]:
+def push(case: Case, impulse: float, each: Callable[[G1], None] | None = None) -> tuple[bool, Array]:
     """Return whether the robot stands after a push [N s], and the ZMPs (n, 3, 2): by skin, by ankles, true [m].
 
     The true ones are as old as what the sensors deliver.
     """
-    robot = G1(case.urdf, case.folder, case.seed)
+    terrain = GROUND[case.ground]
+    robot = G1(case.urdf, case.folder, case.seed, terrain=terrain, period=case.period, is_shown=case.is_shown)
     balancer, rows, late = Balancer(robot, case.urdf, case.source), [], np.full(2, np.nan)
     while robot.data.time < END and robot.stands:
         senses, true = robot.senses(), robot.true_zmp()
         *commands, skin, ankle = balancer.cycle(senses)
-        pushes = START <= senses.time < START + PUSH - PERIOD / 2
+        pushes = START <= senses.time < START + PUSH - case.period / 2
         robot.step(*commands, case.direction * impulse / PUSH if pushes else None)
         rows.append((skin, ankle, late))
         late = true
-    return robot.stands, np.array(rows[round(START / 2 / PERIOD) :])
+        if each:
+            each(robot)
+    return robot.stands, np.array(rows[round(START / 2 / case.period) :])
 
 
 def run(case: Case) -> Result:
@@ -505,25 +567,32 @@ def run(case: Case) -> Result:
 
 def main() -> None:
     """Run all cases; print a table; draw."""
-    given = with_g1(arguments(__doc__, has_animation=False, seeds=SEEDS)).parse_args()
+    given = with_g1(arguments(__doc__, seeds=SEEDS)).parse_args()
     folder = given.out / "g1"
     propose(given.urdf, folder)
-    cases = [Case(given.urdf, folder, source, seed) for source in SOURCES for seed in range(given.seeds)]
-    found = run_all(run, cases, given)
+    kinds = [(ground, source) for ground in GROUND for source in SOURCES]
+    cases = {kind: [Case(given.urdf, folder, *kind, seed) for seed in range(given.seeds)] for kind in kinds}
+    found = run_all(run, [case for kind in kinds for case in cases[kind]], given)
+    results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
     rows = []
-    for k, source in enumerate(SOURCES):
-        runs = found[k * given.seeds : (k + 1) * given.seeds]
+    for (ground, source), runs in results.items():
         texts = []
         for name in ("apart", "off"):
             far = 1e3 * np.concatenate([getattr(r, name) for r in runs])
             texts.append(f"{np.nanmean(far):.1f} / {np.nanpercentile(far, 95):.1f} / {np.nanmax(far):.1f}")
-        used = {"skin": "skin", "ankle": "ankles", "none": "no feedback"}[source]
-        rows.append((used, f"{spread([r.survived for r in runs], 1)}, steps of {RESOLUTION:g}", *texts))
+        used = LABELS[source].removeprefix("ZMP by ")
+        rows.append((ground, used, f"{spread([r.survived for r in runs], 1)}, steps of {RESOLUTION:g}", *texts))
     distance = "mean / 95 % / maximum [mm]"
-    heads = ("ZMP by", "largest push survived [N s]", f"skin to ankles, {distance}", f"skin to truth, {distance}")
-    report(given, heads, rows)
-    by_source = {("both feet", s): slice(k * given.seeds, (k + 1) * given.seeds) for k, s in enumerate(SOURCES)}
-    draw(*({key: of[part] for key, part in by_source.items()} for of in (found, cases)), given.out / "g1.png")
+    heads = ("largest push survived [N s]", f"skin to ankles, {distance}", f"skin to truth, {distance}")
+    report(given, ("contact", "ZMP by", *heads), rows)
+    draw(results, cases, given.out / "g1.png")
+    if not given.no_animation:
+        shown = [replace(cases[ground, "skin"][0], is_shown=True) for ground in GROUND]
+        films = [
+            lambda each, case=case: push(case, max(results[case.ground, "skin"][0].survived, 1.0), each)
+            for case in shown
+        ]
+        film_both(films, given.out / "g1.gif", azimuth=90)
 
 
 if __name__ == "__main__":

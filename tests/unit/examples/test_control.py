@@ -61,7 +61,7 @@ def test_page_without_a_place_for_the_table_stops_before_the_runs(text, problem,
         ("g1", "--urdf {other}", "--urdf: {other} is not the URDF of a G1: it has no link 'left_ankle_roll_link'"),
         ("g1_arm", "--urdf {file}.urdf", "--urdf: cannot read {file}.urdf: No such file"),
         ("rates", "--no-animation", "unrecognized arguments: --no-animation"),
-        ("g1", "--no-animation", "unrecognized arguments: --no-animation"),
+        ("as_written", "--no-animation", "unrecognized arguments: --no-animation"),
     ],
 )
 def test_bad_option_is_one_message(script, words, problem, tmp_path, monkeypatch, capsys):
@@ -629,27 +629,78 @@ def test_g1_lands_softly_by_the_distances_below_its_feet(g1_feet):
     from g1 import URDF
     from g1_landing import Case, run
 
-    (stands, soft), (_, hard) = (run(Case(URDF, g1_feet, near, 2, 0.4, 0)) for near in (True, False))
+    (stands, soft), (_, hard) = (run(Case(URDF, g1_feet, "flat", near, 2, 0.4, 0)) for near in (True, False))
     assert stands and len(soft) == 2
     assert max(i.force for i in soft) < min(i.force for i in hard) / 10
     assert max(i.time for i in soft) < min(i.time for i in hard) + 0.02
 
 
 @pytest.mark.slow
-def test_g1_forearm_yields_to_a_contact_and_shrinks_back_before_one_and_from_heat(tmp_path):
+def test_g1_lands_softly_on_an_obstacle_that_it_does_not_know(g1_feet):
+    """The first of two steps is onto it, the other one onto the floor; the robot stands."""
+    from g1 import FEET, G1, URDF
+    from g1_landing import OBSTACLE_STEPS, Case, by_place, run
+
+    results = {
+        (ground, near): [run(Case(URDF, g1_feet, ground, near, OBSTACLE_STEPS, 0.4, 0))] if ground != "flat" else []
+        for ground in ("flat", "obstacle")
+        for near in (False, True)
+    }
+    robot = G1(URDF, g1_feet, 0)
+    places = by_place(results, robot.data.body(FEET[0]).xpos[2])
+    (hard,), (soft,) = (places["on the obstacle", near] for near in (False, True))
+    assert [len(places["floor next to the obstacle", near]) for near in (False, True)] == [1, 1]
+    assert 0.3 < hard.speed < 0.5 and soft.force < hard.force / 4 and soft.time < hard.time
+    assert results["obstacle", True][0][0]
+
+
+@pytest.fixture
+def g1_arm(scripts, tmp_path_factory):
+    """Runs a case of the arm of the G1; its skins are made once for all tests."""
     from g1 import URDF, propose
-    from g1_arm import LINK, G1Case, run
+    from g1_arm import COVERED, G1Case, run
 
     if not URDF.exists():
         pytest.skip(f"no real robot here: {URDF} is missing")
-    propose(URDF, tmp_path, (LINK,))
-    stiff, soft = (run(G1Case("contacts", kind, 0, URDF, tmp_path)) for kind in ("stiff", "yields"))
+    folder = tmp_path_factory.getbasetemp() / "g1_arm"
+    propose(URDF, folder, COVERED)
+    return lambda kind, variant: run(G1Case(kind, variant, 0, urdf=URDF, folder=folder))
+
+
+@pytest.mark.slow
+def test_g1_forearm_yields_to_a_contact_and_shrinks_back_before_one_and_from_heat(g1_arm):
+    stiff, soft = (g1_arm("contacts", variant) for variant in ("stiff", "yields"))
     assert 0 < soft["force"].max() < stiff["force"].max() / 4 and soft["moved"][-1] > 0.05 > stiff["moved"][-1]
-    hit, clear = (run(G1Case("near", kind, 0, URDF, tmp_path)) for kind in ("hand only", "null space"))
+    hit, clear = (g1_arm("near", variant) for variant in ("hand only", "null space"))
     assert hit["force"].max() > 10 and clear["force"].max() == 0
     assert clear["hand"].max() < 0.03
-    burns, cool = (run(G1Case("heat", kind, 0, URDF, tmp_path)) for kind in ("hand only", "first"))
+    burns, cool = (g1_arm("heat", variant) for variant in ("hand only", "first"))
     assert cool["heat"].max() < burns["heat"].max() - 10 and cool["gap"].min() > burns["gap"].min()
+
+
+@pytest.mark.slow
+def test_g1_forearm_feels_the_force_of_its_probe(g1_arm):
+    """Its readings are counts; they were taken as newtons, 34 times too large."""
+    stiff = g1_arm("contacts", "stiff")
+    pressed = slice(len(stiff.log) * 3 // 4, None)
+    assert stiff["force"][pressed].min() > 10
+    np.testing.assert_allclose(stiff["virtual"][pressed], stiff["force"][pressed], rtol=0.15)
+
+
+@pytest.mark.slow
+def test_g1_arm_yields_by_the_torques_of_contacts_on_two_links(g1_arm):
+    """With the torques of the elbow alone the contact of the upper arm stays hard."""
+    stiff, one, both = (g1_arm("links", variant) for variant in ("stiff", "one link", "yields"))
+    assert both["force"].max() < stiff["force"].max() / 3 and both["second"].max() < one["second"].max() - 10
+
+
+@pytest.mark.slow
+def test_g1_arm_has_pain_by_a_small_probe_earlier_than_by_a_large_one(g1_arm):
+    """The pressure of the same force on more taxels is lower; so it also yields more slowly to it."""
+    small, large = (g1_arm("pain", variant) for variant in ("small", "large"))
+    assert 2 < small.pain_force < 10 and large.pain_force > 2 * small.pain_force
+    fast, slow = (g1_arm("pressure", f"{size}, pressure") for size in ("small", "large"))
+    assert slow.speed < 0.75 * fast.speed and slow.pressed_area > 3 * fast.pressed_area
 
 
 @pytest.mark.slow
@@ -657,7 +708,30 @@ def test_g1_keeps_its_balance_by_the_skin_that_was_proposed_for_its_feet(g1_feet
     """A push of 12 N s from behind; the ZMP of the skin agrees with the true one."""
     from g1 import URDF, Case, push
 
-    stands, zmps = push(Case(URDF, g1_feet, "skin", 0), 12.0)
+    stands, zmps = push(Case(URDF, g1_feet, "full sole", "skin", 0), 12.0)
     off = np.linalg.norm(zmps[:, 0] - zmps[:, 2], axis=1)
     assert stands and np.ptp(zmps[:, 2, 0]) > 0.03
     assert off.mean() < 0.004 and np.percentile(off, 95) < 0.008
+
+
+@pytest.mark.slow
+def test_g1_is_the_same_robot_with_its_meshes_on_a_beam_that_bears_the_middle_of_its_soles_only(g1_feet):
+    """The meshes of an animation touch nothing and have no mass; the ground is below the middle half only."""
+    from dataclasses import replace
+
+    import g1
+
+    case = g1.Case(g1.URDF, g1_feet, "half sole", "skin", 0)
+    pressed = []
+
+    def look(robot):
+        for foot in g1.FEET:
+            skin, forces = robot.body.skins[foot], robot._normal_forces()[robot.cells[foot]]
+            pressed.extend(robot.data.body(foot).xpos[0] + skin.positions[forces > 0, 0])
+
+    plain, shown = (
+        g1.push(replace(case, is_shown=is_shown), 3.0, each) for is_shown, each in ((False, look), (True, None))
+    )
+    np.testing.assert_array_equal(plain[1], shown[1])
+    beam = g1.GROUND["half sole"].boxes[0]
+    assert plain[0] and np.abs(np.array(pressed) - beam.centre[0]).max() < beam.half[0] + 0.01
