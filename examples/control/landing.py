@@ -32,7 +32,11 @@ OBSTACLE_STEPS = 4  # of a run over the obstacle: the fifth would meet a part of
 # Height to which a foot is lifted. From 5 cm it meets the obstacle with 0.2 m/s, from 10 cm with 0.34 m/s.
 LIFTS = {"flat": 0.05, "obstacle": 0.1}  # [m]
 IMPACT_TIME = 0.04  # in which an impact is sought [s]
-GROUND = {"flat": FLAT, "obstacle": FLAT + OBSTACLE}
+GROUND = {
+    "flat": FLAT,
+    "obstacle": FLAT + OBSTACLE,
+    "box": '<geom class="terrain" type="box" size="5 5 .1" pos="0 0 -.1"/>',  # a floor like the obstacle
+}
 # Impacts of the thesis with proximity relative to those without, of the H1 and the HRP-2Kai.
 THESIS = {
     "flat ground": ("22 % (109 of 486 N), 42 %", "17 % (58 of 340 N), 46 %"),
@@ -52,6 +56,7 @@ class Case:
     seed: int
     period: float = PERIOD  # of the control [s]
     compliance: Proximity = Proximity()  # of a foot with proximity
+    lift: float | None = None  # height to which a foot is lifted; that of LIFTS if it is None [m]
 
 
 @dataclass(frozen=True)
@@ -122,13 +127,15 @@ def sinking(robot: Biped, body: str, point: Array) -> float:
     return -float(velocity[5] + cross(velocity[:3], turn @ point)[2])
 
 
-def run(case: Case, each: Callable[[Biped], None] | None = None) -> tuple[bool, list[Impact]]:
+def run(
+    case: Case, each: Callable[[Biped], None] | None = None, judging: Callable[..., Judge] = Judge
+) -> tuple[bool, list[Impact]]:
     """Return whether the robot still stands, and the impacts."""
     robot = Biped(GROUND[case.ground], seed=case.seed, proximity=case.proximity, period=case.period)
-    gait = Gait(landing_speed=case.speed, lift=LIFTS[case.ground])
+    gait = Gait(landing_speed=case.speed, lift=case.lift or LIFTS[case.ground])
     steps = forward_steps(case.steps, STEP, WIDTH)
     walker = Walker(robot, steps, gait, proximity=case.compliance if case.proximity else None)
-    judge = Judge(walker, dict.fromkeys(FEET, SOLE_CENTRE))
+    judge = judging(walker, dict.fromkeys(FEET, SOLE_CENTRE))
 
     def look(robot: Biped) -> None:
         judge(robot)
@@ -194,7 +201,7 @@ def main() -> None:
     parser.add_argument("--speed", type=positive, default=0.4, help="of landing without proximity [m/s]")
     given = parser.parse_args()
     steps = {"flat": given.steps, "obstacle": OBSTACLE_STEPS}
-    kinds = [(ground, proximity) for ground in GROUND for proximity in (False, True)]
+    kinds = [(ground, proximity) for ground in LIFTS for proximity in (False, True)]
     cases = [Case(*kind, steps[kind[0]], given.speed, seed) for kind in kinds for seed in range(given.seeds)]
     found = run_all(run, cases, given)
     results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
