@@ -69,7 +69,7 @@ class G1Case(Case):
 class G1Arm(Arm):
     """The right arm of the G1."""
 
-    azimuth = -60.0
+    azimuth = 150.0  # of an animation [degree]
 
     def load(self, case: G1Case) -> Robot:
         """Return the robot with the probe of a case."""
