@@ -63,7 +63,7 @@ class PressedRobot:
         self.data = mujoco.MjData(self.model)
         self.start = self.model.jnt_qposadr[self.model.body("sphere").jntadr[0]]
         self.names, self.links, self.neighbours, self.corners = [], [], [], []
-        for link, calibration in load_links(folder).items():
+        for link, calibration in load_links(folder)[0].items():
             for patch in calibration.patches:
                 taxels = patch.taxels
                 first, rows = len(self.names), {name: k for k, name in enumerate(taxels.ids)}

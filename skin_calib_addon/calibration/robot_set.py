@@ -14,6 +14,7 @@ from ..common.file_hash import file_hash
 from ..common.findings import Finding, child, error, in_short, show, warning
 from ..common.schema_check import check, read_schema
 from ..common.strict_json import parse, read
+from ..common.warnings import Warning
 from .file import load_calibration
 from .model import LinkCalibration
 
@@ -102,13 +103,20 @@ def save_robot_set(robot: RobotSet, folder: Path) -> None:
     write_bytes_safely(folder / FILE, (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
 
 
-def load_links(path: str | os.PathLike[str]) -> dict[str, LinkCalibration]:
-    """Read the calibrations of all links of a robot, by the name of the link.
+def load_links(path: str | os.PathLike[str]) -> tuple[dict[str, LinkCalibration], tuple[Warning, ...]]:
+    """Read the calibrations of all links of a robot, and what is wrong with the set without making it unusable.
 
     Parameters
     ----------
     path : path
         Of ``robot.json`` or its folder.
+
+    Returns
+    -------
+    calibrations : dict of str to LinkCalibration
+        By the name of the link.
+    warnings : tuple of Warning
+        Channels and ids that are used twice, and calibrations in the folder that the file does not list.
 
     Raises
     ------
@@ -122,7 +130,10 @@ def load_links(path: str | os.PathLike[str]) -> dict[str, LinkCalibration]:
     if errors:
         advice = "Fit the plans into this folder again; calibrations that were edited stay as they are."
         raise CalibrationFormatError(f"'{file}': {in_short(errors)}. {advice}", findings)
-    return calibrations
+    return calibrations, tuple(
+        Warning(finding.code, "warning", f"{file}: {finding.sentence}.")
+        for finding in (*findings, *unlisted(robot, file.parent))
+    )
 
 
 def calibrations_of(robot: RobotSet, folder: Path) -> tuple[dict[str, LinkCalibration], tuple[Finding, ...]]:

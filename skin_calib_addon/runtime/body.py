@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from .plane import Plane
 from .poses import checked_pose
 from .skin import Skin
 from .wrench import carried
+
+if TYPE_CHECKING:
+    from ..common.warnings import Warning
 
 # [m] Difference in height of two soles from which on they stand on different planes. Larger: small steps are not
 # reported, and the hull of the polygons is wrong by more.
@@ -194,10 +197,14 @@ class Body:
     def __init__(self, skins: Mapping[str, Skin], ground: Plane | None = None):
         self.skins = dict(skins)
         self.ground = ground or Plane.through((0, 0, 0), (0, 0, 1))
+        self.warnings: tuple[Warning, ...] = ()
 
     @classmethod
     def load(cls, path: str | Path, ground: Plane | None = None) -> "Body":
         """Return the skins of all links of a robot.
+
+        Its ``warnings`` are about the links together: a calibration in the folder that ``robot.json`` does not list,
+        which has no skin in the body, or channels and ids of two links. Those of one link are in its skin.
 
         Parameters
         ----------
@@ -213,7 +220,10 @@ class Body:
         """
         from ..calibration.robot_set import load_links  # imported late: only a caller with a file needs these modules
 
-        return cls({name: Skin(calibration) for name, calibration in load_links(path).items()}, ground)
+        calibrations, warnings = load_links(path)
+        body = cls({name: Skin(calibration) for name, calibration in calibrations.items()}, ground)
+        body.warnings = warnings
+        return body
 
     @property
     def observable(self) -> BoolArray:

@@ -171,8 +171,10 @@ def test_buses_of_the_author_stay_and_separate_channels(robot, capsys):
 
 
 def test_body_has_the_skins_of_all_links(robot):
+    edit(robot, bus=["can0", "can1"])
     for path in (robot / "out", robot / "out" / "robot.json"):
         body = Body.load(path)
+        assert [warning.code for warning in body.warnings] == ["duplicate-id"]
         assert set(body.skins) == set(LINKS)
     alone = load(robot / "out" / "hand.calibration.json")
     readings = np.linspace(0.5, 3, alone.reading_length)
@@ -227,6 +229,10 @@ def test_calibrations_that_the_set_does_not_list_are_errors(robot, capsys):
     assert code == 1 and len(lines) == 3 and f'error: /links does not list "copy.calibration.json", {same}' == lines[0]
     assert 'does not list "hand.calibration.json", which is of the link "hand"' in lines[1] and "other" in lines[2]
     assert main(["show", str(robot / "out")]) == 1 and capsys.readouterr().err.count("does not list") == 3
+    body = Body.load(robot / "out")  # a controller continues without them, and can know it
+    assert set(body.skins) == {"arm"} and {warning.severity for warning in body.warnings} == {"warning"}
+    assert [warning.code for warning in body.warnings] == ["same-link", "not-listed", "not-listed"]
+    assert f'{path}: /links does not list "hand.calibration.json"' in str(body.warnings[1])
 
 
 def test_folder_without_the_set_says_so(robot, capsys):

@@ -74,7 +74,7 @@ def touched(path, folder, urdf, count):
     data = mujoco.MjData(model)
     poses, names = link_poses(read_robot(urdf)), []
     mujoco.mj_forward(model, data)
-    for link, calibration in load_links(folder).items():
+    for link, calibration in load_links(folder)[0].items():
         for patch in calibration.patches:
             names += [f"{link}/{name}" for name in patch.taxels.ids]
             expected = patch.taxels.positions_link @ poses[link][:3, :3].T + poses[link][:3, 3]
