@@ -45,6 +45,7 @@ from skin_calib_addon.proposal.skins import parse_skin  # noqa: E402
 from skin_calib_addon.robot.keep_out import KeepOut  # noqa: E402
 from skin_calib_addon.robot.kinematics import link_poses  # noqa: E402
 from skin_calib_addon.robot.link_mesh import links_with_mesh, load_urdf_meshes  # noqa: E402
+from skin_calib_addon.robot.mirrored import PARTNER_DISTANCE, find_twins, symmetry  # noqa: E402
 from skin_calib_addon.robot.urdf import read_robot  # noqa: E402
 
 PAGE = ROOT / "docs" / "explanation" / "robots.md"
@@ -56,6 +57,7 @@ ROBOTS = {
 }
 FINE = 5e-3  # [m] longest side of faces in the picture
 LIFT = 1e-3  # [m] above the surface, from where a taxel looks outward
+PARTNERS = 1e-3  # [m] distance of a taxel from the mirror image of another one up to which they belong together
 TOUCHING = 2e-5  # [m] depth of an overlap that does not count
 STEEP = 15.0  # [degrees] that a normal may be off
 MIN_FREE = 30.0  # [cm^2] of a link that needs a plan or a reason
@@ -127,7 +129,7 @@ def column(urdf, folder, options):
     rows = of_proposal(urdf, folder, log.read_text(encoding="utf-8"))
     if per_stage.exists():
         rows["CPU seconds by stage, one process"] = per_stage.read_text(encoding="utf-8")
-    return {**rows, **of_taxels(urdf, folder), **of_runtime(folder), **of_presses(folder)}
+    return {**rows, **of_pairs(urdf, folder), **of_taxels(urdf, folder), **of_runtime(folder), **of_presses(folder)}
 
 
 def table_of(columns, skin):
@@ -303,6 +305,44 @@ def of_taxels(urdf, folder):
             str(counts[name]) for name in ("hidden", "inward", "overlaps")
         ),
         "warnings": ", ".join(f"{n} {code}" for code, n in codes.most_common()) or "none",
+    }
+
+
+def of_pairs(urdf, folder):
+    """Return the rows about links at mirrored positions: whether they are recognized, and have mirrored layouts."""
+    robot = read_robot(urdf)
+    meshes = load_urdf_meshes(urdf, robot)[0]
+    poses = link_poses(robot)
+    places = np.array([poses[link][:3, 3] for link in meshes])
+    reflection = symmetry(places)
+    images = places @ reflection[:3, :3].T + reflection[:3, 3]
+    gaps = np.linalg.norm(images[:, None] - places, axis=2)
+    off_plane = np.diag(gaps) > PARTNER_DISTANCE
+    earlier = np.tril(gaps < PARTNER_DISTANCE, -1).any(axis=1)
+    twins = {link: twin for link, twin in find_twins(robot, meshes).items() if twin.is_mirrored}
+    taxels = {}
+    for path in sorted(folder.glob("*.calibration.json")):
+        calibration = load_calibration(path)
+        taxels[calibration.link] = np.concatenate([p.taxels.positions_link for p in calibration.patches])
+    pairs = [
+        (taxels[twin.link], taxels[link], twin) for link, twin in twins.items() if {link, twin.link} <= taxels.keys()
+    ]
+    complete, all_distances = 0, [np.zeros(0)]
+    for former, here, twin in pairs:
+        image = former @ twin.transform[:3, :3].T + twin.transform[:3, 3]
+        distances = np.concatenate((cKDTree(here).query(image)[0], cKDTree(image).query(here)[0]))
+        complete += bool((distances < PARTNERS).all())
+        all_distances.append(distances)
+    distances = np.concatenate(all_distances)
+    found = 1e3 * distances[distances < PARTNERS]
+    median = f"{np.median(found):.3f} mm, " if len(found) else ""
+    return {
+        "pairs of links at mirrored positions, recognized as mirror images, with plans": (
+            f"{(off_plane & earlier).sum()}, {len(twins)}, {len(pairs)}"
+        ),
+        "of these layouts: complete mirror images, taxels with a mirrored one, median and largest distance": (
+            f"{complete}, {len(found)} of {len(distances)}, {median}{found.max(initial=0):.3f} mm"
+        ),
     }
 
 
