@@ -155,6 +155,7 @@ def propose(
         else:
             plans[path] = outcome.fitted
             lines.append((task.link, _numbers(proposal)))
+            lines += [(task.link, proposal.bare)] if proposal.bare else []
             lines += [(task.link, f"warning: {words}") for words in proposal.warnings]
     width = max(len(link) for link, _ in lines)
     seen, free, covered, cells = (sum(getattr(p, name) for p in found) for name in ("seen", "free", "covered", "cells"))

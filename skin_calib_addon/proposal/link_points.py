@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..common.arrays import Array, BoolArray, IntArray
+from ..geometry.components import components
 from ..geometry.mesh.cover import single_faces
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.mesh.visibility import MIN_OPEN, MIN_OPENNESS, openness_at, sample_faces, visibility
@@ -54,10 +55,35 @@ class LinkPoints:
     def cover(self, points: BoolArray) -> None:
         """Mark points (k,) as covered by a surface."""
         self.covered[points] = True
-        if points.any():
-            places = with_normals(self.points, self.normals)
-            gaps = cKDTree(places[points]).query(places, distance_upper_bound=SURFACE_GAP)[0]
-            self.taken[np.isfinite(gaps)] = True
+        self.taken[self._next_to(points)] = True
+
+    def _next_to(self, points: BoolArray) -> BoolArray:
+        """Return which points are next to, or among, given ones, shapes (k,)."""
+        if not points.any():
+            return points
+        gaps = cKDTree(self.tree.data[points]).query(self.tree.data, distance_upper_bound=SURFACE_GAP)[0]
+        near: BoolArray = np.isfinite(gaps)
+        return near
+
+    def largest_bare_piece(self, covered: BoolArray) -> IntArray:
+        """Return the points of the largest connected piece of the free area that is not covered, nor next to it.
+
+        Parameters
+        ----------
+        covered : array of bool, shape (k,)
+            Points with skin.
+
+        Returns
+        -------
+        array of int, shape (n,)
+            Empty if all of the free area is covered.
+        """
+        bare = np.flatnonzero(self.free & ~self._next_to(covered))
+        if not len(bare):
+            return bare
+        pairs = cKDTree(self.tree.data[bare]).query_pairs(2 * POINT_DISTANCE, output_type="ndarray")
+        piece = components(len(bare), *pairs.T)
+        return bare[piece == np.bincount(piece, self.areas[bare]).argmax()]
 
     @cached_property
     def tree(self) -> cKDTree:

@@ -9,7 +9,7 @@ import numpy as np
 from ..calibration.exchange.xml_text import rotations
 from ..calibration.model import TaxelArray
 from ..common.arrays import Array, BoolArray
-from ..common.errors import SkinCalibError, counted
+from ..common.errors import SkinCalibError, counted, millimetres
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.grid.axis import Axis
 from ..geometry.mesh.cover import cut_cover, seen_faces
@@ -47,6 +47,7 @@ class Proposal:
     taxels: int = 0
     fits: Mapping[str, SurfaceFit] = field(default_factory=dict, repr=False)  # of its surfaces, by their names
     warnings: tuple[str, ...] = ()  # what can be wrong with it; also among the reasons of the plan
+    bare: str = ""  # the largest piece of the free area without skin, if it is large: place and reason; also a reason
 
     @property
     def channels(self) -> int:
@@ -257,11 +258,38 @@ class _Target:
                 where = f"{counted(len(found), 'surface')} of up to {largest.area * 1e4:.0f} cm^2"
                 words = f"No skin fits on {where}. The largest: {problems[largest.surface.name]}"
             return Proposal(self.link, None, (*reasons, words), self.on.seen, self.free)
+        if bare := self._bare(covered, found, problems):
+            reasons.append(bare)
         area = float(self.on.areas[covered].sum())
         words = f"Surfaces with skin cover {area * 1e4:.0f} cm^2 of the free area."
         reasons.append(f"{words} Their cells have {cells * 1e4:.0f} cm^2.")
         plan = Plan(self.link, self.file, self.unit, tuple(surfaces), tuple(skins), extra={"x_proposal": reasons})
-        return Proposal(self.link, plan, tuple(reasons), self.on.seen, self.free, area, cells, taxels, fits)
+        return Proposal(self.link, plan, tuple(reasons), self.on.seen, self.free, area, cells, taxels, fits, bare=bare)
+
+    def _bare(self, covered: BoolArray, found: Sequence[Proposed], problems: Mapping[str, str]) -> str:
+        """Return where the largest piece of the free area without skin is, and why; empty if it is small.
+
+        Parameters
+        ----------
+        covered : array of bool, shape (k,)
+            Points of the link with skin.
+        found : sequence of Proposed
+            All surfaces.
+        problems : mapping of str to str
+            Why no skin is on a surface, by its name.
+        """
+        piece = self.on.largest_bare_piece(covered)
+        points, areas = self.on.points[piece], self.on.areas[piece]
+        if areas.sum() < MIN_FREE_AREA:
+            return ""
+        middle = points[np.linalg.norm(points - areas @ points / areas.sum(), axis=1).argmin()]
+        why = f"no surface of at least {MIN_AREA * 1e4:.0f} cm^2 was found there within 1 mm and 15 degrees of the mesh"
+        on_surface = {p.surface.name: p.covered[piece] for p in found if p.surface.name in problems}
+        if areas[np.any([*on_surface.values(), np.zeros(len(piece), bool)], axis=0)].sum() > 0.5 * areas.sum():
+            largest = max(on_surface, key=lambda name: float(areas[on_surface[name]].sum()))
+            why = f"no skin fits on the surface there: {problems[largest]}"
+        words = f"The largest piece of the free area without skin has {areas.sum() * 1e4:.0f} cm^2"
+        return f"{words}, about {millimetres(middle)}: {why.rstrip('.')}."
 
 
 def _left_out(proposed: Proposed, why: str) -> str:

@@ -24,7 +24,7 @@ from skin_calib_addon.proposal.loops import chains, loops_around, simplified
 from skin_calib_addon.proposal.proposal import propose_link
 from skin_calib_addon.proposal.skins import parse_skin
 from skin_calib_addon.proposal.surfaces import fitted, propose_surfaces
-from tests.shapes import box, cylinder, hinged_planes, subdivided, together, welded
+from tests.shapes import box, cylinder, hinged_planes, sheet, subdivided, together, welded
 
 RADIUS, LENGTH = 0.03, 0.12
 
@@ -84,6 +84,30 @@ def test_link_without_skin_states_why_none_fits_on_the_largest_surface(tmp_path,
     found = proposed(box((0, 0, 0), (0.06, 0.05, 0.04)), tmp_path, skin)
     assert found.plan is None and found.reasons[-1].startswith("No skin fits on ")
     assert " of up to 30 cm^2. The largest: " in found.reasons[-1] and words in found.reasons[-1]
+
+
+def corrugated(wavelength):
+    """A plate of 160 x 80 mm; half of it is a wave of 6 mm, the other half is flat."""
+    wave = lambda x, y: np.where(x > 0.08, 0.5 * wavelength * np.sin(2 * np.pi * (x - 0.08) / wavelength), 0)  # noqa: E731
+    return sheet(wave, (0.16, 0.08), (160, 20))
+
+
+def test_plan_states_the_largest_piece_without_skin(tmp_path, capsys):
+    """On waves no surface is near the mesh; on the rims of a box no large board fits. Small pieces are not stated."""
+    words = "The largest piece of the free area without skin has "
+    waves = proposed(corrugated(0.006), tmp_path)
+    area, x, y, why = re.fullmatch(
+        rf"{words}(\d+) cm\^2, about \(([\d.]+), ([\d.]+), [-\d.]+\) mm: (.*)", waves.bare
+    ).groups()
+    assert waves.bare in waves.reasons and waves.plan.extra["x_proposal"] == list(waves.reasons)
+    assert 100 < int(area) < 2.2 * 64 and abs(float(x) - 120) < 10 and abs(float(y) - 40) < 10
+    assert why == "no surface of at least 7 cm^2 was found there within 1 mm and 15 degrees of the mesh."
+    rims = proposed(welded(subdivided(subdivided(box((0, 0, 0), (0.2, 0.2, 0.02))))), tmp_path, "hexagons:30mm")
+    assert len(rims.plan.surfaces) == 2 and rims.bare.startswith(words)
+    assert "mm: no skin fits on the surface there: no board with sides of 30 mm fits" in rims.bare
+    assert main(["propose", str(tmp_path / "link.ply"), "-o", str(tmp_path), "--skin", "hexagons:30mm"]) == 0
+    assert f"\nlink  {rims.bare}\n" in capsys.readouterr().out
+    assert not proposed(block(), tmp_path).bare
 
 
 def test_a_tube_is_one_surface_and_its_ends(tube):
