@@ -104,7 +104,7 @@ def read_robot(path: Path) -> Robot:
     ------
     CalibrationFormatError
         If the file cannot be read, or is not a URDF: a name is used twice, a joint names an unknown link or has no
-        axis, a link has two parents, or links form a cycle.
+        axis or reversed limits, a link has two parents, or links form a cycle.
     """
     return _parsed(read_text(path), path)
 
@@ -237,6 +237,9 @@ def _joint(node: Node) -> Joint:
     if kind in ONE_AXIS and length == 0:
         raise XmlError("axis", axis.line, "has an axis of length 0; write the direction of the axis")
     lower, upper = (_number(limit, name, 0.0) for name in ("lower", "upper"))
+    if kind in ("revolute", "prismatic") and lower > upper:
+        message = f"has the lower limit {lower:g} above the upper one, {upper:g}; swap them"
+        raise XmlError("reversed-limits", limit.line, message)
     return Joint(
         node.attribute("name"),
         kind,

@@ -71,6 +71,10 @@ BAD = {
     ),
     "axis": ({"joint": '<axis xyz="0 0 0"/>'}, "line 3 has an axis of length 0"),
     "limit": ({"joint": '<limit lower="low" upper="1"/>'}, "line 3 has 'low' instead of a number (limit lower)"),
+    "reversed limit": (
+        {"joint": '<limit lower="1" upper="-1"/>'},
+        "line 3 has the lower limit 1 above the upper one, -1; swap them",
+    ),
     "origin": ({"joint": '<origin xyz="1 2"/>'}, "line 3 has 2 numbers instead of 3 (origin xyz)"),
     "nan": ({"joint": '<origin xyz="nan 0 0"/>'}, "line 3 has 'nan' instead of a finite number (origin xyz)"),
     "far": ({"joint": '<origin xyz="0 -1e200 0"/>'}, "line 3 has -1e+200, which is too large (origin xyz)"),
