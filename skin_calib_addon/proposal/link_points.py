@@ -81,8 +81,9 @@ class LinkPoints:
         bare = np.flatnonzero(self.free & ~self._next_to(covered))
         if not len(bare):
             return bare
-        pairs = cKDTree(self.tree.data[bare]).query_pairs(2 * POINT_DISTANCE, output_type="ndarray")
-        piece = components(len(bare), *pairs.T)
+        # Fine meshes have many points on small faces: cells of a raster are connected, and not points.
+        cells, of_point = np.unique(np.rint(self.tree.data[bare] / POINT_DISTANCE), axis=0, return_inverse=True)
+        piece = components(len(cells), *cKDTree(cells).query_pairs(2, output_type="ndarray").T)[of_point.ravel()]
         return bare[piece == np.bincount(piece, self.areas[bare]).argmax()]
 
     @cached_property

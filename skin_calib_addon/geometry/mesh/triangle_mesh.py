@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from scipy.sparse import csr_array
 
 from ...common.arrays import Array, BoolArray, IntArray, cross, freeze, norms, row_order
 from ...common.arrays import unit as to_unit
@@ -95,6 +96,33 @@ class TriangleMesh:
     def disagreeing(self) -> BoolArray:
         """Return which pairs of :attr:`adjacency` are wound against each other, shape (e,)."""
         return self._shared[3]
+
+    def around(self, faces: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the pairs of given faces and those with a common vertex, a face itself included.
+
+        Parameters
+        ----------
+        faces : array of int, shape (k,)
+            Numbers of faces.
+
+        Returns
+        -------
+        row, face : array of int, shape (p,)
+            Position of the first of each pair in ``faces``, and number of the second.
+        """
+        row, face = (self._vertices_of_faces[faces] @ self._faces_of_vertices).nonzero()
+        return row, face
+
+    @cached_property
+    def _vertices_of_faces(self) -> csr_array:
+        """The three vertices of each face, as a sparse matrix (f, v)."""
+        shape, ends = (len(self.faces), len(self.vertices)), np.arange(0, self.faces.size + 1, 3)
+        return csr_array((np.ones(self.faces.size, bool), self.faces.ravel(), ends), shape)
+
+    @cached_property
+    def _faces_of_vertices(self) -> csr_array:
+        """The faces around each vertex, as a sparse matrix (v, f)."""
+        return self._vertices_of_faces.T.tocsr()
 
     @cached_property
     def pieces(self) -> IntArray:

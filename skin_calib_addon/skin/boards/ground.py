@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from ...common.arrays import Array, BoolArray
 from ...geometry.fit.surface_fit import SurfaceFit
@@ -107,7 +106,7 @@ class Ground:
         distances, faces, _ = self._distance(points)
         kept = self.fit.is_trusted(self.surface.wrap(uv)) & (distances <= MAX_DISTANCE)
         # Above an edge several faces are nearest.
-        board, face = self._adjacent[faces].nonzero()
+        board, face = self.fit.given_mesh.around(faces)
         feet = closest_on_triangles(points[board], self.fit.given_mesh.triangles[face])
         nearest = np.linalg.norm(feet - points[board], axis=1) <= distances[board] + TOUCH * self.side
         cosines = self._winding * (self.fit.given_mesh.face_normals[face] * normals[board]).sum(axis=1)
@@ -123,11 +122,3 @@ class Ground:
         hit = ~np.isnan(samples.residuals)
         outward = (samples.rays * self.fit.given_mesh.face_normals[samples.faces]).sum(axis=2)[hit]
         return -1.0 if outward.sum() < 0 else 1.0
-
-    @cached_property
-    def _adjacent(self) -> csr_array:
-        """Faces with a common vertex, as a sparse matrix (f, f)."""
-        assert self.fit is not None
-        faces = self.fit.given_mesh.faces
-        at = csr_array((np.ones(faces.size), faces.ravel(), np.arange(0, faces.size + 1, 3)))
-        return (at @ at.T).tocsr()

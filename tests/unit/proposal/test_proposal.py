@@ -2,6 +2,7 @@
 
 import json
 import re
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -108,6 +109,23 @@ def test_plan_states_the_largest_piece_without_skin(tmp_path, capsys):
     assert main(["propose", str(tmp_path / "link.ply"), "-o", str(tmp_path), "--skin", "hexagons:30mm"]) == 0
     assert f"\nlink  {rims.bare}\n" in capsys.readouterr().out
     assert not proposed(block(), tmp_path).bare
+
+
+def test_pieces_of_a_fine_mesh_take_little_memory():
+    """Many points of small faces are in one place: all pairs of them took more memory than there is."""
+    rng, count = np.random.default_rng(0), 4000
+    points = np.concatenate((0.004 * rng.random((count, 3)), 0.1 + 0.004 * rng.random((count // 2, 3)))) * (1, 1, 0)
+    normals, free, none = (
+        np.tile((0, 0, 1.0), (len(points), 1)),
+        np.ones(len(points), bool),
+        np.zeros(len(points), bool),
+    )
+    on = LinkPoints(points, normals, np.ones(len(points)), 1.0, free, none, none, points)
+    tracemalloc.start()
+    piece = on.largest_bare_piece(none)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert piece.tolist() == list(range(count)) and most < 10e6
 
 
 def test_a_tube_is_one_surface_and_its_ends(tube):

@@ -268,3 +268,12 @@ def test_pairs_that_are_wound_against_each_other():
     mixed = TriangleMesh(mesh.vertices, np.where(reversed_[:, None], mesh.faces[:, ::-1], mesh.faces))
     first, second = mixed.adjacency
     assert np.array_equal(mixed.disagreeing, reversed_[first] != reversed_[second]) and mixed.disagreeing.any()
+
+
+def test_faces_around_a_face_have_a_common_vertex():
+    """All of them, each once, and the face itself."""
+    mesh = cylinder(around=7, along=3)
+    chosen = np.array([5, 0, 5])
+    row, face = mesh.around(chosen)
+    common = [(mesh.faces[:, :, None] == mesh.faces[k]).any(axis=(1, 2)) for k in chosen]
+    assert sorted(zip(row.tolist(), face.tolist())) == [(i, j) for i in range(3) for j in np.flatnonzero(common[i])]
