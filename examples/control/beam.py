@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from biped import Biped
+from biped import PERIOD, Biped
 from diagrams import ASSUMED, draw_walks
 from experiment import arguments, film_both, positive, report, run_all, stands_and_steps, whole
 from shapes import FORWARD
@@ -32,6 +32,7 @@ class Case:
     width: float  # of the beam [m]
     steps: int
     seed: int
+    period: float = PERIOD  # of the control [s]
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ def terrain(width: float) -> str:
 
 def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Result:
     """Walk."""
-    robot = Biped(terrain(case.width), case.seed, proximity=False)
+    robot = Biped(terrain(case.width), case.seed, proximity=False, period=case.period)
     walker = Walker(robot, side_steps(case.steps), GAIT, feels=case.feels)
     stands = walk(robot, walker, 3 + 2 * case.steps, each=lambda robot: each(robot, walker) if each else None)
     return Result(stands, len(walker.log.landings))

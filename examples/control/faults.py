@@ -10,9 +10,10 @@ the full sole is assumed. If the contact of a foot is not known, its step ends b
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
-from biped import LATENCY, NOISE, PERIOD, Biped, Faults
+from biped import NOISE, PERIOD, Biped, Faults
 from diagrams import draw_walks
 from experiment import arguments, film_both, report, run_all, spread, stands_and_steps, whole
 from shapes import SOLE_CELLS
@@ -20,7 +21,7 @@ from walker import Walker, forward_steps, walk
 
 STEP, WIDTH = 0.15, 0.18  # [m]
 EARLIEST, LATEST = 1.2, 3.0  # time of a fault [s]
-LATER = 2  # cycles of additional latency: 12 ms instead of 4 ms
+LATE = 10e-3  # of the fault of latency; rounded up to whole cycles, so 12 ms at 250 Hz [s]
 FILMED = 3  # seed of the figure and the animation; the bus freezes in the first step
 Array = np.ndarray
 
@@ -32,14 +33,14 @@ def board(rng: np.random.Generator) -> tuple[int, ...]:
     return tuple(int((row + i) * columns + column + j) for i in range(3) for j in range(3))
 
 
-# The faults by name, from a time and a generator of random numbers.
-FAULTS: dict[str, Callable[[float, np.random.Generator], Faults]] = {
-    "none": lambda since, rng: Faults(),
-    "dead board": lambda since, rng: Faults(since=since, dead=board(rng)),
-    "frozen bus": lambda since, rng: Faults(since=since, is_frozen=True),
-    "lost sole": lambda since, rng: Faults(since=since, lost="left_foot"),
-    "noise doubled": lambda since, rng: Faults(since=since, noise=2 * NOISE),
-    "10 ms of latency": lambda since, rng: Faults(since=since, latency=LATENCY + LATER),
+# The faults by name, from a time [s], a generator of random numbers and the period of the control [s].
+FAULTS: dict[str, Callable[[float, np.random.Generator, float], Faults]] = {
+    "none": lambda since, rng, period: Faults(),
+    "dead board": lambda since, rng, period: Faults(since=since, dead=board(rng)),
+    "frozen bus": lambda since, rng, period: Faults(since=since, is_frozen=True),
+    "lost sole": lambda since, rng, period: Faults(since=since, lost="left_foot"),
+    "noise doubled": lambda since, rng, period: Faults(since=since, noise=2 * NOISE),
+    "10 ms of latency": lambda since, rng, period: Faults(since=since, latency=ceil(LATE / period)),
 }
 BELIEVED = ("dead board", "frozen bus", "lost sole")  # also run with the flags ignored
 CASES = [(name, True) for name in FAULTS] + [(name, False) for name in BELIEVED]
@@ -70,7 +71,7 @@ def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Resu
     """Walk."""
     rng = np.random.default_rng(case.seed)
     since = float(rng.uniform(EARLIEST, LATEST))
-    faults = FAULTS[case.fault](since, rng)
+    faults = FAULTS[case.fault](since, rng, case.period)
     robot = Biped(seed=case.seed, faults=faults, proximity=False, period=case.period)
     walker = Walker(robot, forward_steps(case.steps, STEP, WIDTH), heeds=case.heeds)
     apart, true = [], deque([np.full(2, np.nan)] * 2, maxlen=3)

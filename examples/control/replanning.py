@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from biped import FEET, FLAT, SIDE, Biped
+from biped import FEET, FLAT, PERIOD, SIDE, Biped
 from diagrams import draw_walks
 from estimator import SOLE_CENTRE, State
 from experiment import arguments, count, film_both, report, run_all, spread, stands_and_steps
@@ -77,6 +77,7 @@ class Case:
     obstacle: str
     kind: str  # one of KINDS
     seed: int
+    period: float = PERIOD  # of the control [s]
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,7 @@ def shift_off(obstacle: Polygon, foot: str) -> Array:
 
 def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Result:
     """Walk."""
-    robot = Biped(FLAT + OBSTACLES[case.obstacle], case.seed)
+    robot = Biped(FLAT + OBSTACLES[case.obstacle], case.seed, period=case.period)
     feels, avoids = KINDS[case.kind]
     rule = Rule(robot) if avoids else None
     walker = Walker(robot, forward_steps(STEPS, STEP, WIDTH), GAIT, feels=feels, avoid=rule)

@@ -447,6 +447,33 @@ def test_table_of_the_rates_has_all_rows():
     assert texts["balance, full sole: largest push [N s]"] == "10.0"
 
 
+class _Seen(Exception):
+    """Ends a walk after its first cycle."""
+
+
+@pytest.mark.parametrize("name", ["beam", "replanning"])
+def test_walk_has_the_period_of_its_case(name):
+    from biped import TIME_STEP
+
+    module = importlib.import_module(name)
+    first = {"beam": (True, 0.08, 1), "replanning": ("large block", "what is felt, new steps")}[name]
+
+    def look(robot, walker):
+        raise _Seen(robot.period, walker.period, robot.data.time)
+
+    with pytest.raises(_Seen) as seen:
+        module.run(module.Case(*first, seed=0, period=TIME_STEP), look)
+    assert seen.value.args == (TIME_STEP, TIME_STEP, TIME_STEP)
+
+
+@pytest.mark.parametrize("period", [4e-3, 1e-3])
+def test_fault_of_latency_is_10_ms_at_each_rate_rounded_up_to_a_cycle(period):
+    from faults import FAULTS
+
+    fault = FAULTS["10 ms of latency"](0.0, np.random.default_rng(0), period)
+    assert 0 <= fault.latency * period - 10e-3 < period
+
+
 def test_speed_of_a_sole_is_that_of_its_centre():
     """As small motions give it, of a foot that turns; not the one of the frame at the CoM of the robot."""
     import mujoco
