@@ -7,7 +7,7 @@ VENV ?= .venv
 BIN = $(VENV)/bin
 READY = $(VENV)/ready
 # The experiments of "make control", in examples/control/
-CONTROL = landing impacts g1_landing balance g1 faults rates wrenches footholds replanning beam as_written planar_arm arm g1_arm
+CONTROL = landing impacts g1_landing balance g1 faults rates rates_others wrenches footholds replanning beam as_written planar_arm arm g1_arm
 # One process for each processor, or PYTEST_XDIST_AUTO_NUM_WORKERS of them, each with one thread for linear algebra.
 PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist worksteal
 
