@@ -35,8 +35,8 @@ MAX_PROTRUSION = 0.06
 # [1] Most cells in the circle around a surface; more of them mean wrong units. Larger: more time and memory.
 MAX_CELLS = 50_000
 # [1] Layouts that are kept: those of a link, two for each surface, are needed for its proposal, and again for its
-# calibration. Larger: more memory; with fewer than a link has, none is found again.
-LAYOUTS = 64
+# calibration. Larger: more memory, also in the window, where each change of a surface adds one.
+LAYOUTS = 16
 # [1] Most rounds of moves. More: fewer boards are left out, slower.
 MOVES = 30
 

@@ -126,7 +126,7 @@ def _even_line(to_flat: FlatMap, axis: int, spacing: float) -> Array:
 def _border(to_flat: FlatMap, ground: Ground, uv: Array, covers: BoolArray, spacing: float) -> tuple[Array, Array]:
     """Return the pieces of the border of the covered nodes, shape (s, 2, 2) [m], and their inward normals (s, 2).
 
-    Between two nodes the step is halved until the border is exact.
+    Between two nodes the step is halved until the border is known to ``BORDER_EXACTNESS`` sides.
     """
     number = np.arange(covers.size).reshape(covers.shape)
     covered, nodes = covers.ravel(), to_flat(uv)
