@@ -5,9 +5,7 @@ import io
 import os
 import signal
 import sys
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import NoReturn
 
 # Before NumPy: no threads that are not used. Each calculation takes one (`geometry.blas_threads`).
@@ -17,6 +15,7 @@ from . import __version__
 from .commands import check, export, fit, import_file, propose, replay, response, show, touches
 from .commands.common import DONE, INTERRUPTED, WRONG_CALL, WRONG_DATA, complain
 from .common.errors import OutputError, SkinCalibError
+from .common.interruptions import handled
 
 
 def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None = None) -> int:
@@ -42,7 +41,8 @@ def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None =
     ):  # names of links may have characters outside the encoding of the terminal
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        with _sigterm_as_ctrl_c():
+        # What batch systems and "timeout" send keeps results as Ctrl+C does.
+        with handled(signal.default_int_handler, signal.SIGTERM):
             options = build_parser(scene_plans).parse_args(argv)
             code = options.run(options)
             sys.stdout.flush()
@@ -63,21 +63,6 @@ def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None =
     except (OutputError, SkinCalibError) as error:
         complain(str(error))
         return WRONG_CALL if isinstance(error, OutputError) else WRONG_DATA
-
-
-@contextmanager
-def _sigterm_as_ctrl_c() -> Iterator[None]:
-    """Let SIGTERM, which batch systems and ``timeout`` send, interrupt a command as Ctrl+C does: its results stay."""
-    before = signal.getsignal(signal.SIGTERM)
-    # Only the main thread can set handlers; one that Python did not set cannot be restored.
-    if before is None or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _silence_stdout() -> None:

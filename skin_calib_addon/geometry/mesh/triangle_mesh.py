@@ -17,6 +17,7 @@ from ...common.arrays import Array, BoolArray, IntArray, cross, freeze, norms, r
 from ...common.arrays import unit as to_unit
 from ...common.atomic_file import write_bytes_safely
 from ...common.errors import InvalidMesh
+from ...common.interruptions import interruptions_deferred
 from ..components import components
 from .dae import read_dae
 from .glb import read_glb
@@ -332,14 +333,15 @@ def read_mesh(path: str | Path) -> TriangleMesh:
     if os.path.getsize(path) == 0:
         raise InvalidMesh(f"{path.name} is empty. Check that it was written completely.", path=str(path))
     try:
-        if kind == "dae":
-            vertices, faces = read_dae(path)
-        elif kind == "glb":
-            vertices, faces = read_glb(path)
-        else:
-            # As a real path: trimesh removes "link/..", which is wrong if "link" is a symbolic link.
-            raw: Any = trimesh.load(os.path.realpath(path), file_type=kind, process=False, force="mesh")
-            vertices, faces = np.asarray(raw.vertices, float), np.asarray(raw.faces)
+        with interruptions_deferred():  # trimesh catches them, and would go on with a part of the mesh
+            if kind == "dae":
+                vertices, faces = read_dae(path)
+            elif kind == "glb":
+                vertices, faces = read_glb(path)
+            else:
+                # As a real path: trimesh removes "link/..", which is wrong if "link" is a symbolic link.
+                raw: Any = trimesh.load(os.path.realpath(path), file_type=kind, process=False, force="mesh")
+                vertices, faces = np.asarray(raw.vertices, float), np.asarray(raw.faces)
         if vertices.ndim != 2 or vertices.shape[1] != 3:
             raise ValueError(f"its vertices have {vertices.shape[-1]} coordinates instead of 3")
     except ImportError as error:

@@ -1,0 +1,49 @@
+"""Interruptions of a program: Ctrl+C (SIGINT), and SIGTERM, which batch systems and ``timeout`` send."""
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+
+@contextmanager
+def handled(handler: Callable[[int, FrameType | None], object], *signals: signal.Signals) -> Iterator[None]:
+    """Handle signals otherwise during a block.
+
+    Only the main thread can set handlers, and one that Python did not set cannot be restored: other threads and such
+    signals are left as they are.
+
+    Parameters
+    ----------
+    handler : function
+        As for `signal.signal`.
+    *signals : signal.Signals
+        Which ones.
+    """
+    before = {number: signal.getsignal(number) for number in signals}
+    if threading.current_thread() is not threading.main_thread() or None in before.values():
+        yield
+        return
+    for number in signals:
+        signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number, former in before.items():
+            signal.signal(number, former)
+
+
+@contextmanager
+def interruptions_deferred() -> Iterator[None]:
+    """Let Ctrl+C and SIGTERM wait until the block ends.
+
+    For libraries that catch every exception: they would continue without what they were reading.
+    """
+    received: list[int] = []
+    try:
+        with handled(lambda number, _: received.append(number), signal.SIGINT, signal.SIGTERM):
+            yield
+    finally:
+        for number in received:
+            signal.raise_signal(number)

@@ -1,0 +1,69 @@
+"""Interruptions are not lost, whatever a library catches."""
+
+import signal
+import threading
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.common.errors import InvalidMesh
+from skin_calib_addon.common.interruptions import handled, interruptions_deferred
+from skin_calib_addon.geometry.mesh.triangle_mesh import read_mesh, save_mesh
+from tests.shapes import box
+
+BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+
+
+@pytest.fixture(autouse=True)
+def _sigterm_raises():
+    with handled(signal.default_int_handler, signal.SIGTERM):
+        yield
+
+
+@BOTH
+@pytest.mark.parametrize("suffix", ["ply", "stl"])
+def test_a_read_is_interrupted(tmp_path, monkeypatch, number, suffix):
+    """Trimesh catches every exception where it reads PLY files: it went on without vertices."""
+    path, original, sent = tmp_path / f"box.{suffix}", np.frombuffer, []
+
+    def frombuffer(*args, **more):
+        if not sent:
+            sent.append(number)
+            signal.raise_signal(number)
+        return original(*args, **more)
+
+    save_mesh(box((0, 0, 0), (0.1, 0.1, 0.1)), path)
+    monkeypatch.setattr(np, "frombuffer", frombuffer)
+    with pytest.raises(KeyboardInterrupt):
+        read_mesh(path)
+    assert sent == [number]
+
+
+@BOTH
+def test_interruption_goes_before_an_error(number):
+    """A file that is interrupted and damaged does not count as damaged only."""
+    with pytest.raises(KeyboardInterrupt), interruptions_deferred():
+        signal.raise_signal(number)
+        raise InvalidMesh("damaged")
+
+
+def test_handlers_return_after_the_block():
+    """Also after an error."""
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    with pytest.raises(InvalidMesh), interruptions_deferred():
+        raise InvalidMesh("damaged")
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+def test_other_threads_cannot_set_handlers():
+    """They do their work without."""
+    done = []
+
+    def work():
+        with interruptions_deferred():
+            done.append(True)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert done == [True]
