@@ -146,4 +146,4 @@ class _Sample:
     @cached_property
     def to_mesh(self) -> MeshDistance:
         """Return the distance from the mesh. It is not kept: the trees of all links take hundreds of megabytes."""
-        return MeshDistance(self.mesh)
+        return MeshDistance(self.mesh, coarseness=2.0)

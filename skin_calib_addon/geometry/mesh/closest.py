@@ -1,6 +1,7 @@
 """Nearest points of a triangle mesh."""
 
 from functools import cached_property
+from itertools import chain
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -13,6 +14,10 @@ from .triangle_mesh import TriangleMesh
 MAX_PARTS = 64
 # [1] pairs of points and parts of faces that are compared at a time. Larger: more memory.
 BLOCK_PAIRS = 500_000
+# [1] points near the mesh of which one counts its pairs for all. Larger: faster, blocks of more uneven sizes.
+COUNTED = 16
+# [radius of the largest part] search radius from which on a point is far from the mesh. It affects time and memory.
+FAR = 4.0
 # [1] height to length of a triangle below which only its sides are used, because its normal is only rounding.
 FLAT_TRIANGLE_RATIO = 1e-8
 # [1] faces from which on distances are measured to the faces near the points only. It affects the time only.
@@ -91,11 +96,19 @@ class MeshDistance:
     """The exact distance from points to a mesh.
 
     A search tree of small parts of the faces gives the candidates. The distances to their faces decide.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh, [m] in the link frame.
+    coarseness : float
+        Of the parts. It affects the time only: twice as large is faster for few points, slower for many.
     """
 
-    def __init__(self, mesh: TriangleMesh):
+    def __init__(self, mesh: TriangleMesh, coarseness: float = 1.0):
         self.triangles = mesh.triangles
-        corners, self.face = small_parts(mesh, max(float(np.median(mesh.longest_sides)), 0.02 * mesh.size))
+        size = max(float(np.median(mesh.longest_sides)), 0.02 * mesh.size)
+        corners, self.face = small_parts(mesh, coarseness * size)
         self.centres = (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3
         # Largest distance of a point of each part from its centre. One corner after the other takes less memory.
         self.radii = np.zeros(len(corners))
@@ -111,11 +124,14 @@ class MeshDistance:
         distance = norms(nearest - points)
         # The distance to a part is at least the distance to its centre minus the radius.
         limits = distance + self.radius
-        ends = np.cumsum(self.tree.query_ball_point(points, limits, return_length=True))
+        # About the number of parts near each point. A point far from the mesh can be near many more than others.
+        step = COUNTED if limits.max(initial=0.0) < FAR * self.radius else 1
+        counts = self.tree.query_ball_point(points[::step], limits[::step], return_length=True)
+        ends = np.cumsum(np.repeat(counts, step)[: len(points)])
         for block in np.split(np.arange(len(points)), np.flatnonzero(np.diff(ends // BLOCK_PAIRS)) + 1):
             near = self.tree.query_ball_point(points[block], limits[block], return_sorted=False)
             row = np.repeat(block, [len(parts) for parts in near])
-            part = np.concatenate([np.empty(0, np.int64), *(np.asarray(parts, np.int64) for parts in near)])
+            part = np.fromiter(chain.from_iterable(near), np.int64, len(row))
             kept = norms(points[row] - self.centres[part]) - self.radii[part] < distance[row]
             # A long face has many of the parts: each pair of point and face once.
             pairs = np.unique(row[kept] * len(self.triangles) + self.face[part[kept]])

@@ -34,8 +34,8 @@ OUTLINE_SAMPLES = 8
 MAX_PROTRUSION = 0.06
 # [1] Most cells in the circle around a surface; more of them mean wrong units. Larger: more time and memory.
 MAX_CELLS = 50_000
-# [1] Layouts that are kept: those of a link, two for each surface, are needed for its proposal, and again for its
-# calibration. Larger: more memory, also in the window, where each change of a surface adds one.
+# [1] Layouts of lists that are kept: those of a link, one for each surface, are needed for its proposal, and again for
+# its calibration. Larger: more memory, also in the window, where each change of a surface adds one.
 LAYOUTS = 16
 # [1] Most rounds of moves. More: fewer boards are left out, slower.
 MOVES = 30
@@ -141,7 +141,9 @@ def lay_boards(
         If a board of the given sequence is outside the surface.
     """
     start, along = (None if k is None else tuple(np.asarray(k, float).tolist()) for k in (origin, direction))
-    layout = _layout_of(surface, lattice, start, along, offset, fit, tuple(excluded))
+    # The search takes longer than its layout, and is not repeated.
+    layout_of = Layout.of if isinstance(choice, str) and choice == "fill" else _layout_of
+    layout = layout_of(surface, lattice, start, along, offset, fit, tuple(excluded))
     if isinstance(choice, str):
         if choice == "fill":
             pose, boards = layout.most_boards([*layout.search.best(), *layout.given()])
