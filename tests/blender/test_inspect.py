@@ -1,5 +1,6 @@
 """What is drawn of a fitted link: layers as arrays, colours and legends, labels without overlap."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -99,7 +100,20 @@ def test_heat_map_colours_cells_alike_whatever_their_shape(bpy, ours, link, plan
     strain = result.calibration.patches[0].taxels.quality["strain"][:, :2]
     assert_allclose(layers["STRAIN"].legend.maximum, np.abs(strain).max())
     tilt = max(t.quality["tilt"].max() for t in [result.calibration.patches[1].taxels])
-    assert layers["TILT"].legend.maximum >= tilt > 0
+    assert tilt > layers["TILT"].legend.maximum == np.deg2rad(45) and layers["TILT"].legend.exceeded
+
+
+@pytest.mark.parametrize("degrees, end, exceeded", [(30, 30, False), (89.9, 45, True)])
+def test_scale_of_the_tilt_ends_at_45_degrees(ours, result, degrees, end, exceeded):
+    """A cell at an edge does not leave one colour to all others; the legend says that the scale is exceeded."""
+    taxels = result.calibration.patches[0].taxels
+    normals = np.tile((0.0, 0.0, 1.0), (len(taxels.ids), 1))
+    normals[0] = (np.sin(np.deg2rad(degrees)), 0, np.cos(np.deg2rad(degrees)))
+    placed = SimpleNamespace(patch=SimpleNamespace(taxels=replace(taxels, normals_link=normals)), disabled=None)
+    layer = by_name(ours.layers.layers_of(SimpleNamespace(fits=result.fits, placed=[placed])))["TILT"]
+    assert_allclose(np.rad2deg(layer.legend.maximum), end, rtol=1e-9)
+    assert layer.legend.exceeded == exceeded
+    assert_allclose(layer.colours[0, :3], layer.legend.scale[-1], atol=1e-6)
 
 
 @pytest.mark.parametrize("sector", [{}, {"kind": "patch", "from": -1.0, "to": 1.0}])

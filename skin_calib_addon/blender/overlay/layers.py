@@ -32,6 +32,8 @@ CELL_LIFT = 0.03
 MAX_PLANE_DEVIATION = 1e-4
 # Length of the mark of the maximum deviation, relative to the size of the mesh. Larger: a larger mark.
 MARK_SIZE = 0.08
+# [rad] End of the scale of tilts. Larger: cells at an edge, up to 90 degrees, leave one colour to the others.
+MAX_TILT = np.deg2rad(45.0)
 WHITE = (1.0, 1.0, 1.0, 1.0)
 PINK = (1.0, 0.2, 0.8, 1.0)
 RED = (1.0, 0.15, 0.1, 1.0)
@@ -252,9 +254,9 @@ def _strain(taxels: AllTaxels) -> Layer:
 
 def _tilt(taxels: AllTaxels) -> Layer:
     note = "grey: no neighbour" if np.isnan(taxels.tilt).any() else ""
-    return heat_layer(
-        "TILT", taxels, taxels.tilt, Legend("Tilt to a neighbour", "ANGLE", largest_size(taxels.tilt), False, note)
-    )
+    largest = largest_size(taxels.tilt)
+    legend = Legend("Tilt to a neighbour", "ANGLE", min(largest, MAX_TILT), note=note, exceeded=largest > MAX_TILT)
+    return heat_layer("TILT", taxels, taxels.tilt, legend)
 
 
 def _uncertainty(taxels: AllTaxels) -> Layer:

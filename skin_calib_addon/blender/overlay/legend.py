@@ -48,6 +48,8 @@ class LegendArea:
         """
         height = 3 * LINE_HEIGHT + BAR_SIZE[1] + (LINE_HEIGHT if legend.note else 0)
         numbers, unit = written(np.linspace(legend.minimum, legend.maximum, TICKS).tolist(), legend.kind, _units(self))
+        if legend.exceeded:
+            numbers[-1] = f"≥ {numbers[-1]}"
         has_scale = legend.maximum > 0
         words = [link, f"{legend.title} [{unit}]" if unit else legend.title]
         bar = max(BAR_SIZE[0], TICKS * max(map(self._width, numbers)) + (TICKS - 1) * TICK_GAP)

@@ -21,6 +21,7 @@ class Legend:
     maximum: float  # value at the end of the scale; a signed scale starts at its opposite
     signed: bool = False
     note: str = ""  # meaning of grey
+    exceeded: bool = False  # by values beyond the end of the scale; they have its last colour
 
     @property
     def minimum(self) -> float:
