@@ -129,6 +129,17 @@ def test_wrong_planes_are_reported_while_they_are_placed(bpy, placed, updates):
     assert wrong["CUT", 1].startswith("removes nothing; distance 1")
 
 
+def test_planes_of_a_partial_section_are_in_order_as_in_the_fit(bpy, link, updates):
+    """Where a cut removes a part of a section, its middle moves to the side; planes that the fit takes are not red."""
+    bpy.ops.skin_calib.cut_add()
+    cut = link.skin_calib.cover.cuts[-1]
+    cut.point, cut.normal = (0, 0, 0.06), (0, 0, 1)
+    bpy.ops.skin_calib.planes_place()
+    look(updates)
+    assert updates.sketches[link.name].wrong == {}
+    assert bpy.ops.skin_calib.fit() == {"FINISHED"}
+
+
 def test_only_planes_that_move_are_cut_again(bpy, placed, updates, monkeypatch):
     """A moved plane is cut, the others and the cover are kept; a moved cut changes all of them."""
     module = importlib.import_module(updates.__name__.replace("updates", "sketch"))

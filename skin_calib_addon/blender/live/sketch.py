@@ -8,7 +8,7 @@ import numpy as np
 
 from ...common.arrays import Array, unit
 from ...common.errors import InvalidPlan
-from ...geometry.grid.grids import check_order
+from ...geometry.grid.grids import PlanesGrid
 from ...geometry.mesh.clustering import coarse_mesh
 from ...geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, seen_faces, shells_after
 from ...geometry.mesh.shells import are_outer
@@ -60,20 +60,23 @@ def sketch_of(mesh: TriangleMesh, planes: HandPlanes, coarse: bool = False) -> S
     cover = _cut(sketch, mesh, planes, coarse)
     for family in ("U", "V"):
         _draw(sketch, family, cover, planes, "misses the mesh")
-    _check_order(sketch, "U", cover, planes)
-    if not planes.closed:
-        _check_order(sketch, "V", cover, planes)
+    _check_order(sketch, cover, planes)
     return sketch
 
 
-def _check_order(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPlanes) -> None:
-    """Find the first plane whose section is not beyond that of the plane before it."""
-    cut = [i for i in range(len(planes.points[family])) if (family, i) in sketch.arms]
+def _check_order(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> None:
+    """Find the first plane that is not beyond the plane before it, as a fit with the planes that cut the mesh does."""
+    rows = {family: [i for i in range(len(planes.points[family])) if (family, i) in sketch.arms] for family in "UV"}
+    if not all(rows.values()):
+        return
+    u, v = (Planes(planes.points[family][rows[family]], planes.normals[family][rows[family]]) for family in "UV")
     try:
-        check_order(np.array([sketch.centres[family, i] for i in cut]).reshape(-1, 3), family.lower(), mesh.size)
+        PlanesGrid(u, v, planes.closed).line_grid(mesh)
     except InvalidPlan as error:
-        k = error.numbers["plane"]
-        sketch.wrong[family, cut[k]] = f"is not beyond {family.lower()}-plane {cut[k - 1]}"
+        if "plane" in error.numbers:  # others are of the planes together
+            name, k = error.numbers["family"], error.numbers["plane"]
+            of = rows[name.upper()]
+            sketch.wrong[name.upper(), of[k]] = f"is not beyond {name}-plane {of[k - 1]}"
 
 
 def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes, coarse: bool) -> TriangleMesh:

@@ -634,6 +634,7 @@ def check_order(points: Array, name: str, size: float) -> None:
         raise InvalidPlan(
             f"{name}-plane {i + 1} does not lie beyond {name}-plane {i}. List them in their order on the mesh.",
             plane=i + 1,
+            family=name,
         )
 
 
