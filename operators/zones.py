@@ -6,7 +6,7 @@ import numpy as np
 
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.scene import skins
-from ..skin_calib_addon.blender.scene.face_groups import faces_of, triangles_of
+from ..skin_calib_addon.blender.scene.face_groups import group_triangles, triangles_of
 from ..skin_calib_addon.blender.scene.skins import entry
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.common.errors import InvalidMesh, SkinCalibError, counted
@@ -40,7 +40,10 @@ class SKIN_OT_zones_from_faces(OnSkin, Edit, bpy.types.Operator):
             self.report({"INFO"}, f"{skin.name}: no boards over the vertex group {group}")
             return
         metre = metres_per_unit(context.scene)
-        chosen = faces_of(link, group) if group else selected(link)
+        if group:
+            self.disable(link, skin, group_triangles(link, group))
+            return
+        chosen = selected(link)
         triangles = triangles_of(link, metre, chosen)
         if skin.kind != "hexagons":
             self.disable(link, skin, triangles)
@@ -78,7 +81,7 @@ def active_group(link):
     group = link.vertex_groups.active
     if group is None:
         raise InvalidMesh(f"{link.name} has no vertex group. Select faces in Edit Mode, or add a vertex group.")
-    if not faces_of(link, group.name).any():
+    if not len(group_triangles(link, group.name)):
         raise InvalidMesh(f"The vertex group {group.name} of {link.name} has no complete face. Add vertices to it.")
     return group.name
 

@@ -108,6 +108,42 @@ def test_vertices_with_little_weight_do_not_count(bpy, addon, excluding):
     assert zones(addon, bpy, excluding)
 
 
+def test_group_follows_the_modifiers(bpy, addon, excluding):
+    """A modifier that mirrors or moves faces does so with their group; boards were placed on the copies."""
+    excluding.vertex_groups["screws"].add(vertices_of(excluding, 2, 0.085), 1.0, "REPLACE")
+    plain = np.array([zone.point for zone in zones(addon, bpy, excluding)])
+    excluding.modifiers.new("two", "ARRAY").use_relative_offset = False
+    excluding.modifiers["two"].use_constant_offset = True
+    excluding.modifiers["two"].constant_offset_displace = (0.2, 0, 0)
+    both = np.array([zone.point for zone in zones(addon, bpy, excluding)])
+    assert (both[:, 0] < 0.1).sum() == len(plain) and (both[:, 0] > 0.1).sum() > 5
+    bpy.ops.object.modifier_apply(modifier="two")
+    assert np.array_equal([zone.point for zone in zones(addon, bpy, excluding)], both)
+
+
+def test_group_follows_geometry_nodes(bpy, addon, excluding):
+    """Nodes that join another mesh change the index of the group; nodes that remove it are an error."""
+    excluding.vertex_groups["screws"].add(vertices_of(excluding, 2, 0.085), 1.0, "REPLACE")
+    plain = zones(addon, bpy, excluding)
+    bpy.ops.mesh.primitive_cube_add(size=0.01)
+    other = bpy.context.object
+    other.vertex_groups.new(name="cable").add(range(8), 1.0, "REPLACE")
+    nodes = bpy.data.node_groups.new("joined", "GeometryNodeTree")
+    for which in ("INPUT", "OUTPUT"):
+        nodes.interface.new_socket("Geometry", in_out=which, socket_type="NodeSocketGeometry")
+    names = ("NodeGroupInput", "GeometryNodeObjectInfo", "GeometryNodeJoinGeometry", "NodeGroupOutput")
+    start, info, joined, end = (nodes.nodes.new(name) for name in names)
+    info.inputs["Object"].default_value = other
+    for source in (start, info):
+        nodes.links.new(source.outputs["Geometry"], joined.inputs[0])
+    nodes.links.new(joined.outputs[0], end.inputs[0])
+    excluding.modifiers.new("joined", "NODES").node_group = nodes
+    assert zones(addon, bpy, excluding) == plain
+    nodes.links.new(info.outputs["Geometry"], end.inputs[0])
+    with pytest.raises(Exception, match="The modifiers of arm remove its vertex group 'screws'. Apply or change them"):
+        zones(addon, bpy, excluding)
+
+
 def test_zones_of_a_scaled_link_in_another_unit_are_in_metres(bpy, addon, excluding):
     """Zones are where the mesh is, whatever the scale of the object and the unit of the scene."""
     excluding.vertex_groups["screws"].add(vertices_of(excluding, 2, 0.085), 1.0, "REPLACE")

@@ -23,7 +23,6 @@ from ..scene import link_meshes, link_objects, plans, results
 from ..scene.face_groups import groups_of
 from ..scene.facets import Facets
 from ..scene.plane_lists import read_hand_planes
-from ..scene.units import metres_per_unit
 from ..scene.warnings import refusal_of
 from . import events
 from .background import Work
@@ -178,7 +177,7 @@ def switched(plan: Any, _context: Any) -> None:
 def facets_of(link: bpy.types.Object) -> Facets:
     """Return the facets of an object that is to be fitted; its result becomes outdated when they change."""
     _fitted_facets[link.name] = link_meshes.read_facets(link, bpy.context, _fitted_facets.get(link.name))
-    _fitted_groups[link.name] = groups_of(link, metres_per_unit(bpy.context.scene))
+    _fitted_groups[link.name] = groups_of(link)
     _possibly_changed.discard(link.name)  # Blender has just evaluated the object
     return _fitted_facets[link.name]
 
@@ -219,7 +218,7 @@ def _check_possibly_changed() -> None:
         try:
             with link_objects.in_scene(link):
                 facets = link_meshes.read_facets(link, bpy.context, before)
-                groups = groups_of(link, metres_per_unit(bpy.context.scene))
+                groups = groups_of(link)
         except SkinCalibError:
             link.skin_calib.result.outdated = True
             continue

@@ -10,14 +10,16 @@ from ...common.arrays import Array, BoolArray
 from ...common.errors import InvalidPlan
 from ...skin.boards.ground import Zone
 from ...skin.zones import discs_over
-from .link_meshes import read_placement
+from .link_meshes import read_facets, read_placement
 
 MIN_WEIGHT = 0.5  # [1] of each vertex of a face that belongs to the group. Larger: fewer faces
 MAX_ZONE_RADIUS = 0.01  # [m] of one zone over a vertex group. Larger: fewer zones, which protrude more over the faces
 
 
-def faces_of(link: bpy.types.Object, group: str) -> BoolArray:
-    """Return which faces have all their vertices in a vertex group, shape (f,).
+def group_triangles(link: bpy.types.Object, group: str) -> Array:
+    """Return the triangles of the faces whose vertices are all in a vertex group, shape (t, 3, 3) [m], link frame.
+
+    The mesh is that with the modifiers, as for a fit: a modifier that mirrors faces mirrors their group.
 
     Parameters
     ----------
@@ -28,26 +30,38 @@ def faces_of(link: bpy.types.Object, group: str) -> BoolArray:
 
     Returns
     -------
-    array of bool, shape (f,)
+    array, shape (t, 3, 3)
 
     Raises
     ------
     InvalidPlan
-        If the link has no such group.
+        If the link has no such group, or its modifiers remove it.
+    InvalidMesh
+        As :func:`read_facets`.
     """
     if group not in link.vertex_groups:
         raise InvalidPlan(f"{link.name} has no vertex group {group!r}. Choose another one, or empty the field.")
-    if link.mode == "EDIT":
-        link.update_from_editmode()
-    index, data = link.vertex_groups[group].index, link.data
-    inside = np.zeros(len(data.vertices), bool)
-    inside[[v.index for v in data.vertices for g in v.groups if g.group == index and g.weight >= MIN_WEIGHT]] = True
-    if not inside.any():
-        return np.zeros(len(data.polygons), bool)
-    corners, starts = np.empty(len(data.loops), np.int32), np.empty(len(data.polygons), np.int32)
-    data.loops.foreach_get("vertex_index", corners)  # in Edit Mode there is no attribute that has them
-    data.polygons.foreach_get("loop_start", starts)
-    return np.asarray(np.logical_and.reduceat(inside[corners], starts))
+    facets = read_facets(link, bpy.context)
+    inside = _vertices_of(link, group)
+    whole = np.ones(facets.polygons.max(initial=-1) + 1, bool)  # polygons with all their triangles in the group
+    whole[facets.polygons[~inside[facets.faces].all(axis=1)]] = False
+    points, faces = facets.triangles()
+    return np.asarray(points[faces[whole[facets.polygons]]])
+
+
+def _vertices_of(link: bpy.types.Object, group: str) -> BoolArray:
+    """Return which vertices of the mesh with its modifiers are in a vertex group."""
+    evaluated = link.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    if group not in evaluated.vertex_groups:
+        raise InvalidPlan(f"The modifiers of {link.name} remove its vertex group {group!r}. Apply or change them.")
+    index = evaluated.vertex_groups[group].index  # modifiers that join meshes change it
+    data = evaluated.to_mesh()
+    try:
+        inside = np.zeros(len(data.vertices), bool)
+        inside[[v.index for v in data.vertices for g in v.groups if g.group == index and g.weight >= MIN_WEIGHT]] = True
+    finally:
+        evaluated.to_mesh_clear()
+    return inside
 
 
 def triangles_of(link: bpy.types.Object, metre: float, chosen: BoolArray) -> Array:
@@ -78,15 +92,13 @@ def triangles_of(link: bpy.types.Object, metre: float, chosen: BoolArray) -> Arr
     return np.asarray(points[corners.reshape(-1, 3)[chosen[owners]]])
 
 
-def zones_of(link: bpy.types.Object, metre: float, group: str) -> tuple[Zone, ...]:
+def zones_of(link: bpy.types.Object, group: str) -> tuple[Zone, ...]:
     """Return the excluded zones that cover the faces of a vertex group; none if it has no complete face.
 
     Parameters
     ----------
     link : Object
         Mesh object of the link.
-    metre : float
-        Length of a scene unit [m].
     group : str
         Name of the vertex group.
 
@@ -97,10 +109,10 @@ def zones_of(link: bpy.types.Object, metre: float, group: str) -> tuple[Zone, ..
 
     Raises
     ------
-    InvalidPlan
-        As :func:`faces_of`.
+    InvalidPlan, InvalidMesh
+        As :func:`group_triangles`.
     """
-    triangles = triangles_of(link, metre, faces_of(link, group))
+    triangles = group_triangles(link, group)
     return _zones_over(triangles.tobytes()) if len(triangles) else ()
 
 
@@ -110,15 +122,13 @@ def _zones_over(triangles: bytes) -> tuple[Zone, ...]:
     return tuple(Zone(tuple(point.tolist()), radius) for point, radius in discs)
 
 
-def groups_of(link: bpy.types.Object, metre: float) -> tuple[tuple[Zone, ...], ...]:
+def groups_of(link: bpy.types.Object) -> tuple[tuple[Zone, ...], ...]:
     """Return the zones of the vertex groups of all boards of a link, to see whether one has changed.
 
     Parameters
     ----------
     link : Object
         Mesh object of the link.
-    metre : float
-        Length of a scene unit [m].
 
     Returns
     -------
@@ -127,8 +137,8 @@ def groups_of(link: bpy.types.Object, metre: float) -> tuple[tuple[Zone, ...], .
 
     Raises
     ------
-    InvalidPlan
-        As :func:`faces_of`.
+    InvalidPlan, InvalidMesh
+        As :func:`group_triangles`.
     """
     skins = (skin for skin in link.skin_calib.skins if skin.kind == "hexagons" and skin.zone_group)
-    return tuple(zones_of(link, metre, skin.zone_group) for skin in skins)
+    return tuple(zones_of(link, skin.zone_group) for skin in skins)

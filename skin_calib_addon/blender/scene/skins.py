@@ -42,7 +42,7 @@ def read_skin(group: Any, metre: float) -> Skin:
     """
     skin: Skin = fields.read(SKINS_OF[group.kind], group, metre, (f"Skin {group.name!r}",))
     if isinstance(skin, BoardSkin) and group.zone_group:
-        return replace(skin, excluded=(*skin.excluded, *zones_of(group.id_data, metre, group.zone_group)))
+        return replace(skin, excluded=(*skin.excluded, *zones_of(group.id_data, group.zone_group)))
     is_pinned = isinstance(skin, SheetSkin) and skin.landmarks
     return replace(skin, origin=None) if is_pinned else skin
 
