@@ -21,7 +21,7 @@ class SKIN_OT_zones_from_faces(OnSkin, Edit, bpy.types.Operator):
     bl_label = "Exclude Faces"
     bl_description = (
         "Keep the skin away from the faces selected in Edit Mode, or from those of the active vertex group. Boards get "
-        "excluded zones, and follow the vertex group; taxels of a sheet or of a file are disabled"
+        "excluded zones, and follow the vertex group; taxels of a sheet or of a file are disabled once, as they are now"
     )
 
     radius: bpy.props.FloatProperty(
@@ -60,10 +60,15 @@ class SKIN_OT_zones_from_faces(OnSkin, Edit, bpy.types.Operator):
         if len(patches) != len(link.skin_calib.skins):
             raise SkinCalibError("Fit the link first, to see its taxels.")
         patch = patches[self.skin]
+        is_old = link.skin_calib.result.outdated and link.name not in drawing.previews
         over = np.flatnonzero(taxels_over(triangles, patch.taxels))
         for i in over:
             skins.single_taxel(skin, short_id(patch, patch.taxels.ids[i])).enabled = False
-        self.report({"INFO"}, f"{skin.name}: {counted(len(over), 'taxel')} disabled")
+        done = f"{skin.name}: {counted(len(over), 'taxel')} disabled"
+        if is_old:
+            self.report({"WARNING"}, f"{done}, as in the last fit. If the skin has moved, fit and repeat this.")
+        else:
+            self.report({"INFO"}, done)
 
 
 def selected(link):

@@ -155,6 +155,20 @@ def test_faces_are_without_taxels_of_a_sheet(bpy, link, addon):
     assert over.any() and clear.any()
 
 
+def test_faces_over_a_sheet_that_has_moved_are_a_warning(bpy, link, capfd):
+    """The taxels are those of the last fit: after a move of the sheet, others are over the faces."""
+    group = link.vertex_groups.new(name="no skin")
+    group.add(range(len(link.data.vertices)), 1.0, "REPLACE")
+    bpy.ops.skin_calib.fit()
+    link.skin_calib.skins[0].taxels.clear()
+    assert bpy.ops.skin_calib.zones_from_faces(skin=0) == {"FINISHED"}
+    assert "Info: band: 6 taxels disabled\n" in capfd.readouterr().out
+    link.skin_calib.skins[0].taxels.clear()
+    link.skin_calib.skins[0].direction = (0, 0, 1)
+    assert link.skin_calib.result.outdated and bpy.ops.skin_calib.zones_from_faces(skin=0) == {"FINISHED"}
+    assert "Warning: band: 6 taxels disabled, as in the last fit. If the skin" in capfd.readouterr().out
+
+
 class Recorded(Layout):
     """Records each operator with its properties."""
 
