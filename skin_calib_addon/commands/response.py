@@ -125,7 +125,7 @@ def _line(measured: Measurements, fit: ResponseFit, modality: str | None, unit: 
     """Return one line about the fit for one taxel, for all taxels, or of a modality."""
     size = np.abs(fit.residuals)
     return (
-        f"{(modality or measured.taxel or 'all taxels')[:16]:16} {fit.kind} on readings {measured.readings.min():g} to "
+        f"{modality or measured.taxel or 'all taxels':16} {fit.kind} on readings {measured.readings.min():g} to "
         f"{measured.readings.max():g}, {len(measured.forces)} measurements; residuals mean {size.mean():.4f}, "
         f"rms {np.sqrt(np.mean(size**2)):.4f}, max {size.max():.4f} {unit}"
     )

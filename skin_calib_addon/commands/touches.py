@@ -82,4 +82,4 @@ def _report(found: list[Placement]) -> None:
     """Print a few lines for each patch."""
     for placement in found:
         for line in summarize(placement):
-            say(f"{placement.patch.name[:16]:16} {line}")
+            say(f"{placement.patch.name:16} {line}")

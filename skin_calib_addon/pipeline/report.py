@@ -77,7 +77,7 @@ def _surface_summary(result: Calibrated, name: str) -> Iterator[str]:
 
 def _patch_summary(placed: PlacedSkin) -> Iterator[str]:
     """Yield lines about a patch: strain and gaps of a sheet, largest deviations of boards."""
-    quality, name = placed.patch.taxels.quality, f"{placed.patch.name[:16]:16} "
+    quality, name = placed.patch.taxels.quality, f"{placed.patch.name:16} "
     if "strain" in quality:
         strain = np.abs(quality["strain"]).max(axis=0)
         yield f"{name}strain at most {strain[:2].max():.2%}, shear {np.rad2deg(strain[2]):.2f} degrees"

@@ -87,6 +87,16 @@ def test_fit_writes_a_calibration(folder, capsys):
     assert not list(folder.glob(".*"))  # no temporary file stays
 
 
+def test_lines_of_skins_have_their_full_names(folder, capsys):
+    """Names of proposals have the link's name in front: with their ends cut off, all skins had the same name."""
+    names = ["left_wrist_roll_link_1", "left_wrist_roll_link_2"]
+    low, high = SHEET | {"origin": [0.04, 0, 0.03], "name": names[0]}, SHEET | {"origin": [0.04, 0, 0.06]}
+    plan = write_plan(folder, skins=[low, high | {"name": names[1]}])
+    assert main(["fit", str(plan), "-o", str(folder / "out.json")]) == 0
+    text = capsys.readouterr().out
+    assert all(f"{name} strain at most" in text and f"{name} uncertainty" in text for name in names)
+
+
 def test_fit_copies_the_data_of_the_plan(folder):
     """The calibration has response, free members, degree, names, channels and origin of the plan, and the mesh."""
     response = {"kind": "polynomial", "coefficients": [0.0, 0.5, 0.25]}

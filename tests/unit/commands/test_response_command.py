@@ -82,6 +82,18 @@ def test_each_taxel_gets_its_own(folder, capsys):
     np.testing.assert_allclose(forces[6:], Response((0.0, 0.25, -0.001)).newtons(100.0), rtol=1e-12)
 
 
+def test_line_of_a_taxel_has_its_full_id(folder, capsys):
+    """Ids have the names of their skins in front: with their ends cut off, all lines had the same id."""
+    calibration = small_calibration()
+    (sheet, boards), long = calibration.patches, "left_wrist_roll_link_1.0.0"
+    ids = (long, *sheet.taxels.ids[1:])
+    sheet = dataclasses.replace(sheet, taxels=dataclasses.replace(sheet.taxels, ids=ids, neighbours=((),) * len(ids)))
+    save_calibration(dataclasses.replace(calibration, patches=(sheet, boards)), folder / "c.json")
+    write(folder / "t.csv", "taxel,reading,force", [(long, r, f) for r, f in zip(READINGS, FORCES)])
+    assert respond(folder, table="t.csv") == 0
+    assert capsys.readouterr().out.startswith(f"{long} polynomial of degree ")
+
+
 def test_taxels_without_measurements_keep_what_they_had(folder, capsys):
     """In a patch of which one taxel was measured, the others have theirs of before: their own, or the link's."""
     table = ResponseTable((0.0, 255.0), (0.0, 5.0))

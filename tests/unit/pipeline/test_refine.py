@@ -246,6 +246,15 @@ def test_command_compares_and_refines(folder, capsys):
     assert "shifted 0.00 +- 0.0" in capsys.readouterr().out
 
 
+def test_line_of_a_skin_has_its_full_name(folder, capsys):
+    """Names of proposals have the link's name in front: with their ends cut off, all skins had the same name."""
+    name = "left_wrist_roll_link_1"
+    for file in ("cone.plan.json", "t.csv"):
+        (folder / file).write_text((folder / file).read_text().replace("band", name))
+    assert touches(folder, "cone.plan.json") == 0
+    assert f"{name} shifted 2.0" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("file", "words", "code", "message"),
     [
