@@ -31,6 +31,7 @@ def place_by_hand(context):
         raise SkinCalibError("Planes placed by hand cannot have a boundary. Remove the boundary first.")
     lines = grid_lines(cover, read.grid, read.degree, read.max_deviation)
     grid = PlanesGrid(*planes_of(lines), lines.closed)
+    grid.line_grid(cover)  # refuses what a fit would refuse, and the old grid stays
     plans.write_grid(link.skin_calib.grid, grid, metres_per_unit(context.scene))
     link.skin_calib.held = "U"
 

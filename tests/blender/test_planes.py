@@ -140,6 +140,20 @@ def test_planes_of_a_partial_section_are_in_order_as_in_the_fit(bpy, link, updat
     assert bpy.ops.skin_calib.fit() == {"FINISHED"}
 
 
+def test_face_of_a_closed_mesh_keeps_its_grid(bpy, plan_file, tmp_path):
+    """Planes do not say which side of a closed mesh is meant; the grid that fits stays, and the reason says so."""
+    face = {"kind": "patch", "n": 6, "lines": 6, "normal": [0, 0, 1], "margin": 0.004}
+    path, mesh = plan_file("pad", grid=face, skins=[]), box((0.0, 0.0, 0.0), (0.06, 0.05, 0.02))
+    trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(tmp_path / "pad.stl")
+    bpy.ops.skin_calib.import_plan(filepath=str(path))
+    assert bpy.ops.skin_calib.fit() == {"FINISHED"}
+    for operator, words in ((bpy.ops.skin_calib.planes_place, {}), (bpy.ops.skin_calib.plane_place, {"family": "u"})):
+        with pytest.raises(RuntimeError, match="The mesh has faces on both sides of the planes. Cut it so that one"):
+            operator(**words)
+    plan = bpy.context.object.skin_calib
+    assert plan.grid.kind == "across" and not plan.grid.u and not plan.result.outdated
+
+
 def test_only_planes_that_move_are_cut_again(bpy, placed, updates, monkeypatch):
     """A moved plane is cut, the others and the cover are kept; a moved cut changes all of them."""
     module = importlib.import_module(updates.__name__.replace("updates", "sketch"))
