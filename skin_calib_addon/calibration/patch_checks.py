@@ -253,18 +253,18 @@ def _registration_is_in_si_units(patch: Part, registration: dict[str, Any]) -> I
 
 
 def taxels_are_apart(patches: list[Part]) -> Iterator[Finding]:
-    """Check that no two taxels of a link are in one place.
+    """Check that no two taxels of a link are in one place. Those that look away from each other are on a thin wall.
 
     Parameters
     ----------
     patches : list of Part
         All patches of the link.
     """
-    valid = [patch for patch in patches if patch.members.keys() >= {"position", "pitch", "id"}]
+    valid = [patch for patch in patches if patch.members.keys() >= {"position", "normal", "pitch", "id"}]
     if not valid:
         return
     where = [(patch, row) for patch in valid for row in range(len(patch.members["position"]))]
-    position = np.concatenate([patch.members["position"] for patch in valid])
+    position, normal = (np.concatenate([patch.members[name] for patch in valid]) for name in ("position", "normal"))
     pitch = np.repeat([patch.members["pitch"].min() for patch in valid], [len(p.members["position"]) for p in valid])
     along = position @ SORTING_DIRECTION
     order = np.argsort(along, kind="stable")
@@ -275,7 +275,8 @@ def taxels_are_apart(patches: list[Part]) -> Iterator[Finding]:
             return
         a, b = order[near], order[near + ahead]
         distance = np.linalg.norm(position[a] - position[b], axis=1)
-        for pair in np.flatnonzero(distance < MIN_TAXEL_DISTANCE * np.minimum(pitch[a], pitch[b])):
+        on_one_side = (normal[a] * normal[b]).sum(axis=1) >= 0
+        for pair in np.flatnonzero(on_one_side & (distance < MIN_TAXEL_DISTANCE * np.minimum(pitch[a], pitch[b]))):
             (first_patch, first_row), (patch, row) = (where[i] for i in sorted((a[pair], b[pair])))
             other = first_patch.members["id"][first_row]
             message = f"is {distance[pair] * 1e3:.3g} mm from taxel {show(other)}: two taxels are in one place"
