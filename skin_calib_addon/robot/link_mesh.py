@@ -292,7 +292,8 @@ def find_file(address: str, urdf: Path) -> Path:
     """Return the file of an address in a URDF: a path relative to its folder, or in a package.
 
     The package is searched in this order: folders of this name in the folder of the URDF or above; the search paths of
-    ROS; the folder of the URDF and those above, under any name. The last candidate is the folder of the URDF itself.
+    ROS; the folder of the URDF and those above, under any name. The last candidate is the folder of the URDF itself. If
+    the path of the URDF has symbolic links, the search then repeats from the folder that they lead to.
 
     Parameters
     ----------
@@ -310,9 +311,10 @@ def find_file(address: str, urdf: Path) -> Path:
     InvalidMesh
         If there is no such file.
     """
-    for path in _candidates(address, urdf.absolute()):
-        if os.path.isfile(path):  # Path.is_file raises for names that are too long
-            return path
+    for file in dict.fromkeys((urdf.absolute(), Path(os.path.realpath(urdf)))):
+        for path in _candidates(address, file):
+            if os.path.isfile(path):  # Path.is_file raises for names that are too long
+                return path
     raise InvalidMesh(
         f"the mesh file {address} of {urdf.name} was not found. Put its package next to or above the URDF."
     )

@@ -90,6 +90,16 @@ def test_address_is_resolved(package, tmp_path, address):
     assert same_mesh(loaded(package(shape(address.format(root=tmp_path)))), PIN)
 
 
+@pytest.mark.parametrize("linked", ["urdf", "urdf/bot.urdf"])
+def test_package_is_found_through_a_symbolic_link(package, tmp_path, linked):
+    """The folder of the URDF, or the file itself, has a link elsewhere."""
+    urdf, link = package(), tmp_path / "work" / "linked.urdf"
+    link.parent.mkdir()
+    link.symlink_to(tmp_path / "bot" / linked)
+    found = find_file("package://renamed/meshes/pin.ply", link if link.is_file() else link / urdf.name)
+    assert found == tmp_path / "bot" / "meshes" / "pin.ply"
+
+
 def test_package_near_the_urdf_has_priority_over_ros(package, tmp_path, monkeypatch):
     """Then the search paths of ROS, then the folder of the URDF; the error states where to put the package."""
     urdf = package()
