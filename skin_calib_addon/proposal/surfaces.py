@@ -115,13 +115,17 @@ def best_of(pool: list[Tried], seen: TriangleMesh, on: LinkPoints, least: float)
     updated.
     """
     best: tuple[Candidate, Trial] | None = None
+    never = least  # a candidate that adds no more is not tried again
     for tried in sorted(pool, key=lambda tried: -tried.bound):
         if tried.bound <= least:
             break
         if not tried.has_start:
-            tried.start, tried.has_start = Start.of(tried.candidate.mesh(seen), on, tried.candidate.region), True
+            mesh = tried.candidate.mesh(seen)
+            tried.start, tried.has_start = Start.of(mesh, on, tried.candidate.region, mesh is seen), True
         trial = tried.start.trial(on) if tried.start else None
         tried.bound = trial.area if trial else 0.0
+        if tried.bound <= never:
+            tried.start = None
         if trial and trial.area > least:
             best, least = (tried.candidate, trial), trial.area
     return best

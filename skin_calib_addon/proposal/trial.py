@@ -104,7 +104,7 @@ class Start:
     samples: RaySamples
 
     @classmethod
-    def of(cls, mesh: TriangleMesh, on: LinkPoints, region: Region) -> "Start | None":
+    def of(cls, mesh: TriangleMesh, on: LinkPoints, region: Region, is_shared: bool = True) -> "Start | None":
         """Return the start of the trials of a region; None if it is not on the mesh.
 
         Parameters
@@ -115,6 +115,8 @@ class Start:
             Its points.
         region : Tube or Across
             A full turn about an axis, or a face.
+        is_shared : bool
+            Whether others have this mesh, too. Otherwise only the faces that are cut stay in memory.
         """
         try:
             parametrization = whole(region, mesh)
@@ -123,6 +125,8 @@ class Start:
             rows = SampleRows.of(mesh, lines, basis)
         except SkinCalibError:
             return None
+        if not is_shared:
+            rows = rows.on_cut_faces()
         offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size)
         samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
         return cls(parametrization, lines, basis, rows, offsets, samples)

@@ -80,7 +80,7 @@ class TriangleMesh:
 
     @cached_property
     def _cross(self) -> Array:
-        corners = self.triangles
+        corners = self.vertices[self.faces]  # ``triangles`` would be kept
         return cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
     @property

@@ -178,6 +178,15 @@ class SampleRows:
         local = np.zeros((1, 1, 2)) if concurrent else across(origins - planes.points[:, None], axes)
         return cls(mesh, planes, sections, caster, axes, origins, local, flat)
 
+    def on_cut_faces(self) -> "SampleRows":
+        """Return the same rows on the part of the mesh that they cut, which takes less memory than all of it."""
+        if not len(self.sections.face):
+            return self
+        faces, number = np.unique(self.sections.face, return_inverse=True)
+        vertices, corners = np.unique(self.mesh.faces[faces], return_inverse=True)
+        mesh = TriangleMesh(self.mesh.vertices[vertices], corners.reshape(-1, 3))
+        return replace(self, mesh=mesh, sections=replace(self.sections, face=number))
+
     def flat_ends(self) -> Array:
         """Return the ends of the segments in the frames of their rows, shape (s, 2, 2) [m]."""
         return flat_ends(self.sections, self.planes, self.axes)
