@@ -40,7 +40,7 @@ Leg = tuple[Joint, bool]  # a joint on the path from one link to another, and wh
 class KeepOut:
     """What of each link of a robot others cover; their fields of distances are computed once.
 
-    Boxes, cylinders and spheres cover their own link, too.
+    Boxes, cylinders, spheres and capsules cover their own link, too.
     """
 
     def __init__(self, robot: Robot, meshes: Mapping[str, TriangleMesh], clearance: float = CLEARANCE):

@@ -110,7 +110,7 @@ def load_urdf_meshes(urdf: Path, robot: Robot) -> tuple[dict[str, TriangleMesh],
 
 
 def shapes_of(robot: Robot) -> dict[str, TriangleMesh]:
-    """Return the visual boxes, cylinders and spheres of links as meshes, in the frames of these links [m].
+    """Return the visual boxes, cylinders, spheres and capsules of links as meshes, in the frames of these links [m].
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def shapes_of(robot: Robot) -> dict[str, TriangleMesh]:
 
 
 def _shape(shape: LinkShape) -> tuple[Array, IntArray]:
-    """Return vertices in the link frame [m], and faces, of a box, cylinder or sphere."""
+    """Return vertices in the link frame [m], and faces, of a box, cylinder, sphere or capsule."""
     vertices, faces = simple_shape(shape.kind, shape.size)
     return vertices @ rotations(np.array([shape.angles]))[0].T + shape.position, faces
 

@@ -19,7 +19,12 @@ MAX_NODES_PER_LINK = 100_000  # XML elements. Larger: more memory for a maliciou
 MAX_NUMBER = 1e6
 ONE_AXIS = ("revolute", "continuous", "prismatic")  # Format: types of joints that move by one number
 # Format: shapes that are not meshes, their attributes, and how many numbers each has.
-SHAPES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}}
+SHAPES = {
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "capsule": {"radius": 1, "length": 1},  # of the cylinder between its half spheres
+}
 JOINT_TYPES = (*ONE_AXIS, "fixed", "floating", "planar")  # Format
 
 Triple = tuple[float, float, float]
@@ -40,7 +45,7 @@ class LinkMesh:
 
 @dataclass(frozen=True)
 class LinkShape:
-    """A visual box, cylinder or sphere of a link: it carries no skin, but covers that of others."""
+    """A visual box, cylinder, sphere or capsule of a link: it carries no skin, but covers that of others."""
 
     kind: str  # one of SHAPES
     size: tuple[float, ...]  # the numbers of its attributes [m]

@@ -27,7 +27,7 @@ METRES_PER_UNIT = {"m": 1.0, "mm": 1e-3}
 # Regular expressions for the number of faces that the header of a file announces.
 FACE_COUNTS = {"ply": rb"\nelement\s+face\s+(\d+)", "off": rb"OFF\s+(?:#[^\n]*\n\s*)*\d+\s+(\d+)"}
 STL_FACE_BYTES = 50  # Format: bytes of one face in a binary STL file, after a header of 84 with their number
-ROUND_SIDES = 64  # faces around a cylinder or sphere: it deviates by 0.1 % of its radius. Larger: slower
+ROUND_SIDES = 64  # faces around a cylinder, sphere or capsule: it deviates by 0.1 % of its radius. Larger: slower
 MIN_MESH_SIZE = 2e-3  # [m] least size of the mesh of a link; below, the unit is wrong. Smaller: wrong units pass
 MAX_MESH_SIZE = 5.0  # [m] largest size of the mesh of a link; above, the unit is wrong. Larger: wrong units pass
 
@@ -293,14 +293,14 @@ def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
 
 
 def simple_shape(kind: str, size: Sequence[float]) -> tuple[Array, IntArray]:
-    """Return vertices and faces of a box, cylinder or sphere whose centre is the origin.
+    """Return vertices and faces of a box, cylinder, sphere or capsule whose centre is the origin.
 
     Parameters
     ----------
-    kind : "box", "cylinder" or "sphere"
-        Which shape. The axis of a cylinder is z.
+    kind : "box", "cylinder", "sphere" or "capsule"
+        Which shape. The axis of a cylinder or capsule is z.
     size : sequence of float
-        Lengths along x, y and z; radius and length; or radius [m].
+        Lengths along x, y and z; radius and length, of a capsule between its half spheres; or radius [m].
 
     Returns
     -------
@@ -311,6 +311,8 @@ def simple_shape(kind: str, size: Sequence[float]) -> tuple[Array, IntArray]:
         mesh = trimesh.creation.box(size)
     elif kind == "cylinder":
         mesh = trimesh.creation.cylinder(size[0], size[1], ROUND_SIDES)
+    elif kind == "capsule":
+        mesh = trimesh.creation.capsule(size[1], size[0], (ROUND_SIDES, ROUND_SIDES // 2))
     else:
         mesh = trimesh.creation.uv_sphere(size[0], count=(ROUND_SIDES // 2, ROUND_SIDES))
     return np.asarray(mesh.vertices, float), np.asarray(mesh.faces)

@@ -231,6 +231,18 @@ def test_boxes_and_cylinders_cover_as_meshes_do(tmp_path):
     assert covers.with_fixed("base").size > BASE.size
 
 
+def test_capsule_covers_what_is_below_its_cylinder_and_its_ends(tmp_path):
+    """Of a URDF: it stands 2 mm over a face, and is 60 mm long without the half spheres at its ends."""
+    at = '<origin xyz="0 0 0.022" rpy="0 1.5707963 0"/>'
+    (tmp_path / "bot.urdf").write_text(
+        f'<robot name="bot"><link name="base"><visual>{at}<geometry><capsule radius="0.02" length="0.06"/></geometry>'
+        "</visual></link></robot>"
+    )
+    points = np.array(((0.0, 0, 0), (0.03, 0, 0), (0.044, 0, 0), (0.056, 0, 0), (0, 0.04, 0)))
+    found = KeepOut(read_robot(tmp_path / "bot.urdf"), {"base": BASE})("base", points, np.tile(UP, (5, 1)))
+    assert found.tolist() == [True, True, True, False, False]
+
+
 @pytest.mark.parametrize("shape", ['<box size="1 1"/>', '<sphere radius="-1"/>', '<cylinder radius="1"/>'])
 def test_shape_without_its_sizes_is_refused(tmp_path, shape):
     """With the line of the file."""
