@@ -32,6 +32,8 @@ from .common import DONE, WRONG_DATA, complain, count, named_path, say
 from .progress import Progress
 from .worker_processes import run_tasks
 
+NO_MESH = "it has no visual mesh. Shapes for collisions, boxes, cylinders, spheres and capsules carry no skin."
+
 
 def add(commands) -> None:
     """Define the command."""
@@ -157,6 +159,7 @@ def propose(
             lines.append((task.link, _numbers(proposal)))
             lines += [(task.link, proposal.bare)] if proposal.bare else []
             lines += [(task.link, f"warning: {words}") for words in proposal.warnings]
+    lines += [(link, f"no plan: {NO_MESH}") for link in _links_with_other_shapes(options)]
     width = max(len(link) for link, _ in lines)
     seen, free, covered, cells = (sum(getattr(p, name) for p in found) for name in ("seen", "free", "covered", "cells"))
     total = f"{counted(len(tasks), 'link')}, {counted(len(plans), 'plan')}"
@@ -236,12 +239,25 @@ def _links(options: argparse.Namespace) -> list[str]:
         if not any(_is_named(link, pattern) for link in robot.links):
             near = did_you_mean(pattern, robot.links)
             raise UnknownLink(f"{robot.file} has no link {show(pattern)}{near}")
-    if options.only:
-        links = [link for link in links if any(_is_named(link, pattern) for pattern in options.only)]
-    links = [link for link in links if not any(_is_named(link, pattern) for pattern in options.left_out or ())]
+    links = [link for link in links if _is_wanted(link, options)]
     if not links:
         raise InvalidMesh(f"{robot.file} has no link with a visual mesh that is left. Change --only and --except.")
     return links
+
+
+def _links_with_other_shapes(options: argparse.Namespace) -> list[str]:
+    """Return the links that have shapes, but no visual mesh, and that the options do not leave out."""
+    if not is_urdf(options.file):
+        return []
+    robot = read_robot(options.file)
+    links = [link for link in robot.links if robot.links[link] or link in robot.shapes]
+    return [link for link in links if link not in links_with_mesh(robot) and _is_wanted(link, options)]
+
+
+def _is_wanted(link: str, options: argparse.Namespace) -> bool:
+    """Return whether ``--only`` and ``--except`` do not leave out a link."""
+    chosen = not options.only or any(_is_named(link, pattern) for pattern in options.only)
+    return chosen and not any(_is_named(link, pattern) for pattern in options.left_out or ())
 
 
 def _is_named(link: str, pattern: str) -> bool:

@@ -123,3 +123,22 @@ def test_mesh_that_is_not_that_of_the_proposal_is_named(urdf, capsys, shift):
     robot_of.cache_clear()
     assert main([*again, out, "--again"]) == 0 and words not in capsys.readouterr().out
     assert main(["fit", out, "-o", out]) == 0 and words not in capsys.readouterr().err
+
+
+def test_links_without_a_visual_mesh_have_a_line(tmp_path, capsys):
+    """A box that is seen, and a mesh for collisions. A link without shapes has none; one that is left out, neither."""
+    save_mesh(box((0, 0, 0), (0.01, 0.01, 0.01)), tmp_path / "one.ply")
+    mesh, cube = '<geometry><mesh filename="one.ply"/></geometry>', '<geometry><box size="1 1 1"/></geometry>'
+    shapes = {
+        **{"one": f"<visual>{mesh}</visual>", "cube": f"<visual>{cube}</visual>", "sensor": f"<visual>{cube}</visual>"},
+        **{"hull": f"<collision>{mesh}</collision>", "frame": ""},
+    }
+    links = "".join(f'<link name="{name}">{inside}</link>' for name, inside in shapes.items())
+    joint = '<joint name="{0}" type="fixed"><parent link="one"/><child link="{0}"/></joint>'
+    joints = "".join(joint.format(name) for name in list(shapes)[1:])
+    (tmp_path / "robot.urdf").write_text(f'<robot name="r">{links}{joints}</robot>')
+    arguments = ["propose", str(tmp_path / "robot.urdf"), "-o", str(tmp_path / "plans"), "--except", "sensor"]
+    assert main(arguments) == 0
+    lines = [line.split(maxsplit=5) for line in capsys.readouterr().out.splitlines()]
+    assert [line[0] for line in lines[:-1]] == ["one", "cube", "hull"]
+    assert all(" ".join(line[1:]).startswith("no plan: it has no visual mesh. Shapes") for line in lines[1:3])
