@@ -1,5 +1,6 @@
 """Load the mesh of a plan; of a link of a URDF: find its files, scale them, and transform them to the link frame."""
 
+import contextlib
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ from ..common.arrays import Array, IntArray
 from ..common.errors import CalibrationFormatError, InvalidMesh, SkinCalibError, UnknownLink
 from ..common.findings import did_you_mean, show
 from ..common.schema_types import matcher
+from ..geometry.mesh.dae import up_axis
 from ..geometry.mesh.triangle_mesh import (
     MAX_MESH_SIZE,
     MIN_MESH_SIZE,
@@ -153,6 +155,26 @@ def plan_mesh_files(plan: Plan) -> tuple[Path, ...]:
         return (plan.mesh,)
     meshes = meshes_of(read_robot(plan.mesh), plan.link, "visual")
     return plan.mesh, *dict.fromkeys(find_file(mesh.address, plan.mesh) for mesh in meshes)
+
+
+def links_with_other_axis(urdf: Path, robot: Robot) -> list[str]:
+    """Return the links with a visual DAE file that states another upward axis than z, which is ignored.
+
+    Parameters
+    ----------
+    urdf : Path
+        File of the robot.
+    robot : Robot
+        Its content.
+    """
+    found = []
+    for link in links_with_mesh(robot):
+        for mesh in robot.links[link]:
+            if mesh.use == "visual" and mesh.file.lower().endswith(".dae"):
+                with contextlib.suppress(InvalidMesh, OSError):  # the link fails with a message
+                    if up_axis(find_file(mesh.address, urdf)) in ("X_UP", "Y_UP"):
+                        found.append(link)
+    return list(dict.fromkeys(found))
 
 
 def is_urdf(path: Path) -> bool:

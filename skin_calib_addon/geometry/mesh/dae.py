@@ -16,6 +16,7 @@ OTHER_PARTS = {
     *("library_images", "library_effects", "library_materials", "library_animations", "library_lights"),
     *("library_cameras", "library_physics_scenes", "bind_material", "instance_light", "instance_camera", "extra"),
 }
+HEADER_BYTES = 65_536  # in which ``<up_axis>`` is found. Larger: slower; smaller: files with long comments are missed.
 
 
 def read_dae(path: str | Path) -> tuple[Array, IntArray]:
@@ -61,6 +62,13 @@ def read_dae(path: str | Path) -> tuple[Array, IntArray]:
     metre = 1.0 if document.assetInfo.unitmeter is None else document.assetInfo.unitmeter
     vertices = np.concatenate([np.zeros((0, 3)), *triangles]) * metre
     return vertices, np.arange(len(vertices)).reshape(-1, 3)
+
+
+def up_axis(path: str | Path) -> str:
+    """Return what a COLLADA file states as its upward axis, such as ``Y_UP``, without effect; empty if nothing."""
+    with open(path, "rb") as file:
+        found = re.search(rb"<up_axis>\s*([XYZ]_UP)", file.read(HEADER_BYTES))
+    return found[1].decode() if found else ""
 
 
 class _Builder(ElementTree.TreeBuilder):

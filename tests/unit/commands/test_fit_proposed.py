@@ -142,3 +142,18 @@ def test_links_without_a_visual_mesh_have_a_line(tmp_path, capsys):
     lines = [line.split(maxsplit=5) for line in capsys.readouterr().out.splitlines()]
     assert [line[0] for line in lines[:-1]] == ["one", "cube", "hull"]
     assert all(" ".join(line[1:]).startswith("no plan: it has no visual mesh. Shapes") for line in lines[1:3])
+
+
+@pytest.mark.parametrize(("up", "is_named"), [("Y_UP", True), ("Z_UP", False)])
+def test_dae_file_with_another_axis_has_a_warning(tmp_path, capsys, up, is_named):
+    """Y_UP is ignored as in RViz, but some robots are written for programs that turn such meshes."""
+    link = '<link name="{0}"><visual><geometry><mesh filename="{1}"/></geometry></visual></link>'
+    joint = '<joint name="j" type="fixed"><parent link="base"/><child link="tip"/></joint>'
+    (tmp_path / "robot.urdf").write_text(
+        f'<robot name="r">{link.format("base", "a.ply")}{link.format("tip", "a.dae")}{joint}</robot>'
+    )
+    save_mesh(box((0, 0, 0), (0.01, 0.01, 0.01)), tmp_path / "a.ply")
+    asset = f"<asset><up_axis>{up}</up_axis></asset>"
+    (tmp_path / "a.dae").write_text(f'<COLLADA version="1.4.1">{asset}</COLLADA>')
+    main(["propose", str(tmp_path / "robot.urdf"), "-o", str(tmp_path / "plans")])
+    assert ("the DAE files of 1 link of robot.urdf state" in capsys.readouterr().err) == is_named
