@@ -11,7 +11,7 @@ from ..skin_calib_addon.common.findings import show
 from ..skin_calib_addon.geometry.mesh.defects import edges_at
 from ..skin_calib_addon.geometry.mesh.triangle_mesh import read_mesh
 from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, UNITS, likely_mistake, likely_unit
-from ..skin_calib_addon.robot.link_mesh import USES, load_link, meshes_of
+from ..skin_calib_addon.robot.link_mesh import USES, axis_warning, load_link, meshes_of
 from ..skin_calib_addon.robot.urdf import read_robot
 from .files import Import
 from .on_link import OnMesh
@@ -20,8 +20,8 @@ from .working import Working
 _choices: list[tuple[str, str, str]] = []  # items of the search in the open URDF; Blender does not keep their texts
 
 
-def add_link(operator, context, mesh, unit, name, file):
-    """Add a link as the active object; report its size, as a warning where links do not have this size."""
+def add_link(operator, context, mesh, unit, name, file, warning=""):
+    """Add a link as the active object; report its size, as a warning where links do not have this size, and others."""
     link = link_objects.add_link(context, mesh, unit, name)
     link.skin_calib.link, link.skin_calib.mesh_file = name, file
     hidden = showing.present(context, [link])
@@ -30,10 +30,12 @@ def add_link(operator, context, mesh, unit, name, file):
     size = f"{name}: {counted(len(mesh.faces), 'face')} in {UNIT_NAMES[unit]}, {side * 1e3:.4g} mm long"
     ending = ". Check the unit" if wrong else f". {hidden}" if hidden else ""
     operator.report({"WARNING"} if wrong else {"INFO"}, size + ending)
+    if warning:
+        operator.report({"WARNING"}, warning)
 
 
 class ImportLink(Import):
-    """Adds the mesh that was read as a link; ``reader`` returns mesh, unit, and names of the link and its file."""
+    """Adds the mesh that was read as a link; ``reader`` returns the arguments of ``add_link``."""
 
     use = staticmethod(add_link)
 
@@ -73,7 +75,8 @@ class FromRobot(ImportLink):
         files = meshes_of(robot, link, use)
         alone = len(files) == 1 and not files[0].moved
         file = files[0].file if alone else path.name if use == "visual" else ""
-        return lambda: (load_link(path, robot, link, use), "m", link, file)
+        warning = axis_warning(path, robot, [link], use)
+        return lambda: (load_link(path, robot, link, use), "m", link, file, warning)
 
 
 class SKIN_OT_import_urdf(FromRobot, bpy.types.Operator):

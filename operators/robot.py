@@ -19,7 +19,7 @@ from ..skin_calib_addon.pipeline.robot_folder import save_link, save_robot
 from ..skin_calib_addon.proposal.links import Task, numbered, plan_path, propose_task, robot_of
 from ..skin_calib_addon.proposal.skins import parse_skin
 from ..skin_calib_addon.robot.kinematics import link_poses
-from ..skin_calib_addon.robot.link_mesh import load_urdf_meshes
+from ..skin_calib_addon.robot.link_mesh import axis_warning, load_urdf_meshes
 from ..skin_calib_addon.robot.urdf import read_robot
 from .exchange import write_plan
 from .files import Import
@@ -37,6 +37,8 @@ def add_robot(operator, context, path, robot, poses, meshes, problems):
     operator.report({"INFO"}, f"{size}. {hidden}" if hidden else size)
     for link, problem in problems.items():
         operator.report({"WARNING"}, f"{printable(link)}: {problem}")
+    if warning := axis_warning(path, robot, meshes):
+        operator.report({"WARNING"}, warning)
 
 
 class SKIN_OT_import_robot(Import, bpy.types.Operator):

@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from ..common.atomic_file import make_folder
-from ..common.errors import InvalidMesh, OutputError, SkinCalibError, UnknownLink, counted, listed
+from ..common.errors import InvalidMesh, OutputError, SkinCalibError, UnknownLink, counted
 from ..common.findings import did_you_mean, show
 from ..plan import load_plan, named_from, save_plan
 from ..plan.skins import following_channel
@@ -26,7 +26,7 @@ from ..proposal.links import (
 )
 from ..proposal.proposal import Proposal
 from ..proposal.skins import DEFAULT_SKIN, FORMS, SkinChoice, parse_skin
-from ..robot.link_mesh import is_urdf, links_with_mesh, links_with_other_axis
+from ..robot.link_mesh import axis_warning, is_urdf, links_with_mesh
 from ..robot.urdf import read_robot
 from .common import DONE, WRONG_DATA, complain, count, named_path, say
 from .progress import Progress
@@ -170,7 +170,8 @@ def propose(
         )
         total += f"and {covered / seen:.0%} of the area that can be seen; cells cover {cells * 1e4:.0f} cm^2"
     say("\n".join((*(f"{link:{width}}  {words}" for link, words in lines), total)))
-    _warn_of_axes(options.file)
+    if is_urdf(options.file) and (warning := axis_warning(options.file, read_robot(options.file), links)):
+        complain(f"warning: {warning}")
     return plans, code
 
 
@@ -253,17 +254,6 @@ def _links_with_other_shapes(options: argparse.Namespace) -> list[str]:
     robot = read_robot(options.file)
     links = [link for link in robot.links if robot.links[link] or link in robot.shapes]
     return [link for link in links if link not in links_with_mesh(robot) and _is_wanted(link, options)]
-
-
-def _warn_of_axes(file: Path) -> None:
-    """Print a warning if DAE files of a robot state another upward axis than z: only some programs turn them."""
-    turned = links_with_other_axis(file, read_robot(file)) if is_urdf(file) else []
-    if turned:
-        complain(
-            f"warning: the DAE files of {counted(len(turned), 'link')} of {file.name} state an <up_axis> that is not "
-            f"Z_UP: {listed(turned)}. It is ignored, as in RViz. If the picture of 'show' has these links turned by 90 "
-            "degrees, turn their meshes."
-        )
 
 
 def _is_wanted(link: str, options: argparse.Namespace) -> bool:

@@ -247,7 +247,7 @@ class _Target:
             covered |= proposed.covered
             reasons.append(
                 f"{proposed.surface.name}: {proposed.reason}, adds {proposed.area * 1e4:.0f} cm^2; "
-                f"{kept.sum()} taxels of {choice.text}."
+                f"{counted(int(kept.sum()), 'taxel')} of {choice.text}."
             )
         if not surfaces:
             words = (

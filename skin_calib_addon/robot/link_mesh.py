@@ -2,7 +2,7 @@
 
 import contextlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ..calibration.exchange.xml_text import rotations
 from ..common.arrays import Array, IntArray
-from ..common.errors import CalibrationFormatError, InvalidMesh, SkinCalibError, UnknownLink
+from ..common.errors import CalibrationFormatError, InvalidMesh, SkinCalibError, UnknownLink, counted, listed
 from ..common.findings import did_you_mean, show
 from ..common.schema_types import matcher
 from ..geometry.mesh.dae import up_axis
@@ -157,8 +157,8 @@ def plan_mesh_files(plan: Plan) -> tuple[Path, ...]:
     return plan.mesh, *dict.fromkeys(find_file(mesh.address, plan.mesh) for mesh in meshes)
 
 
-def links_with_other_axis(urdf: Path, robot: Robot) -> list[str]:
-    """Return the links with a visual DAE file that states another upward axis than z, which is ignored.
+def axis_warning(urdf: Path, robot: Robot, links: Iterable[str], use: str = "visual") -> str:
+    """Return a warning if DAE files of links state another upward axis than z, which only some programs turn.
 
     Parameters
     ----------
@@ -166,15 +166,31 @@ def links_with_other_axis(urdf: Path, robot: Robot) -> list[str]:
         File of the robot.
     robot : Robot
         Its content.
+    links : iterable of str
+        Names of the links.
+    use : "visual" or "collision"
+        Which meshes.
+
+    Returns
+    -------
+    str
+        Empty without such files.
     """
-    found = []
-    for link in links_with_mesh(robot):
+    turned = []
+    for link in links:
         for mesh in robot.links[link]:
-            if mesh.use == "visual" and mesh.file.lower().endswith(".dae"):
+            if mesh.use == use and mesh.file.lower().endswith(".dae"):
                 with contextlib.suppress(InvalidMesh, OSError):  # the link fails with a message
                     if up_axis(find_file(mesh.address, urdf)) in ("X_UP", "Y_UP"):
-                        found.append(link)
-    return list(dict.fromkeys(found))
+                        turned.append(link)
+    if not turned:
+        return ""
+    names = list(dict.fromkeys(turned))
+    return (
+        f"The DAE files of {counted(len(names), 'link')} of {urdf.name} state an <up_axis> that is not Z_UP: "
+        f"{listed(names)}. It is ignored, as in RViz. If these links are turned by 90 degrees in the picture of the "
+        "robot, turn their meshes."
+    )
 
 
 def is_urdf(path: Path) -> bool:
@@ -338,7 +354,8 @@ def find_file(address: str, urdf: Path) -> Path:
             if os.path.isfile(path):  # Path.is_file raises for names that are too long
                 return path
     raise InvalidMesh(
-        f"the mesh file {address} of {urdf.name} was not found. Put its package next to or above the URDF."
+        f"the mesh file {address} of {urdf.name} was not found. "
+        + ("Check the path." if address.startswith("file:") else "Put its package next to or above the URDF.")
     )
 
 

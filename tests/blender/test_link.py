@@ -1,5 +1,7 @@
 """Import of links from meshes and robots, in metres; their unit; defects of their mesh."""
 
+import re
+
 import numpy as np
 import pytest
 import trimesh
@@ -124,6 +126,21 @@ def test_link_of_a_robot_lies_in_its_frame(bpy, addon, urdf, use, metre):
     assert_allclose(mesh.face_areas.sum(), expected.face_areas.sum(), rtol=1e-5)
     assert link.skin_calib.link == "arm" and tuple(link.location) == (0, 0, 0)
     assert link.skin_calib.mesh_file == ("tube.STL" if use == "collision" else "bot.urdf")
+
+
+@pytest.mark.parametrize(("up", "warns"), [("Y_UP", True), ("Z_UP", False)])
+@pytest.mark.parametrize("whole", [True, False])
+def test_dae_file_with_another_axis_is_a_warning(bpy, urdf, capfd, up, warns, whole):
+    """It is ignored, as in RViz, but some robots are written for programs that turn such meshes."""
+    path = urdf.parent.parent / "meshes" / "box.dae"
+    text = trimesh.Trimesh(INNER.vertices, INNER.faces, process=False).export(file_type="dae").decode()
+    path.write_text(re.sub("<up_axis>.*</up_axis>", f"<up_axis>{up}</up_axis>", text))
+    joint = '<joint name="neck" type="fixed"><parent link="arm"/><child link="head"/></joint>'
+    urdf.write_text(urdf.read_text().replace("box.obj", "box.dae").replace("</robot>", f"{joint}</robot>"))
+    words = {} if whole else {"link": "arm"}
+    (bpy.ops.skin_calib.import_robot if whole else bpy.ops.skin_calib.import_urdf)(filepath=str(urdf), **words)
+    said = "Warning: The DAE files of 1 link of bot.urdf state an <up_axis> that is not Z_UP: arm. It is ignored"
+    assert (said in capfd.readouterr().out) == warns
 
 
 def test_plan_of_a_link_of_a_robot_names_the_urdf(bpy, urdf):
