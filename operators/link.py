@@ -62,7 +62,7 @@ class SKIN_OT_import_mesh(ImportLink, bpy.types.Operator):
         def read():
             mesh = read_mesh(path)
             unit = likely_unit(float(np.ptp(mesh.vertices, axis=0).max())) if chosen == "auto" else chosen
-            return mesh, unit, path.stem, path.name
+            return mesh, unit, path.stem, path.name, axis_warning(path)
 
         return read
 

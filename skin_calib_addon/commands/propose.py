@@ -170,7 +170,8 @@ def propose(
         )
         total += f"and {covered / seen:.0%} of the area that can be seen; cells cover {cells * 1e4:.0f} cm^2"
     say("\n".join((*(f"{link:{width}}  {words}" for link, words in lines), total)))
-    if is_urdf(options.file) and (warning := axis_warning(options.file, read_robot(options.file), links)):
+    robot = read_robot(options.file) if is_urdf(options.file) else None
+    if warning := axis_warning(options.file, robot, links):
         complain(f"warning: {warning}")
     return plans, code
 

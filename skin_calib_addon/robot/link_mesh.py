@@ -13,7 +13,7 @@ from ..common.arrays import Array, IntArray
 from ..common.errors import CalibrationFormatError, InvalidMesh, SkinCalibError, UnknownLink, counted, listed
 from ..common.findings import did_you_mean, show
 from ..common.schema_types import matcher
-from ..geometry.mesh.dae import up_axis
+from ..geometry.mesh.dae import has_other_axis
 from ..geometry.mesh.triangle_mesh import (
     MAX_MESH_SIZE,
     MIN_MESH_SIZE,
@@ -157,17 +157,17 @@ def plan_mesh_files(plan: Plan) -> tuple[Path, ...]:
     return plan.mesh, *dict.fromkeys(find_file(mesh.address, plan.mesh) for mesh in meshes)
 
 
-def axis_warning(urdf: Path, robot: Robot, links: Iterable[str], use: str = "visual") -> str:
-    """Return a warning if DAE files of links state another upward axis than z, which only some programs turn.
+def axis_warning(file: Path, robot: Robot | None = None, links: Iterable[str] = (), use: str = "visual") -> str:
+    """Return a warning if DAE files state another upward axis than z, which only some programs turn.
 
     Parameters
     ----------
-    urdf : Path
-        File of the robot.
-    robot : Robot
-        Its content.
+    file : Path
+        File of the robot, or a mesh.
+    robot : Robot, optional
+        Content of the file of the robot.
     links : iterable of str
-        Names of the links.
+        Names of links of the robot.
     use : "visual" or "collision"
         Which meshes.
 
@@ -176,21 +176,18 @@ def axis_warning(urdf: Path, robot: Robot, links: Iterable[str], use: str = "vis
     str
         Empty without such files.
     """
+    ending = "It is ignored, as in RViz. If the picture is turned by 90 degrees, turn the meshes."
+    if robot is None:
+        return f"{file.name} states an <up_axis> that is not Z_UP. {ending}" if has_other_axis(file) else ""
     turned = []
     for link in links:
-        for mesh in robot.links[link]:
-            if mesh.use == use and mesh.file.lower().endswith(".dae"):
-                with contextlib.suppress(InvalidMesh, OSError):  # the link fails with a message
-                    if up_axis(find_file(mesh.address, urdf)) in ("X_UP", "Y_UP"):
-                        turned.append(link)
+        with contextlib.suppress(InvalidMesh, OSError):  # the link fails with a message
+            if any(has_other_axis(find_file(mesh.address, file)) for mesh in meshes_of(robot, link, use)):
+                turned.append(link)
     if not turned:
         return ""
-    names = list(dict.fromkeys(turned))
-    return (
-        f"The DAE files of {counted(len(names), 'link')} of {urdf.name} state an <up_axis> that is not Z_UP: "
-        f"{listed(names)}. It is ignored, as in RViz. If these links are turned by 90 degrees in the picture of the "
-        "robot, turn their meshes."
-    )
+    of = f"{counted(len(turned), 'link')} of {file.name}"
+    return f"The DAE files of {of} state an <up_axis> that is not Z_UP: {listed(turned)}. {ending}"
 
 
 def is_urdf(path: Path) -> bool:

@@ -141,6 +141,8 @@ def test_dae_file_with_another_axis_is_a_warning(bpy, urdf, capfd, up, warns, wh
     (bpy.ops.skin_calib.import_robot if whole else bpy.ops.skin_calib.import_urdf)(filepath=str(urdf), **words)
     said = "Warning: The DAE files of 1 link of bot.urdf state an <up_axis> that is not Z_UP: arm. It is ignored"
     assert (said in capfd.readouterr().out) == warns
+    bpy.ops.skin_calib.import_mesh(filepath=str(path))
+    assert ("Warning: box.dae states an <up_axis> that is not Z_UP. It is" in capfd.readouterr().out) == warns
 
 
 def test_plan_of_a_link_of_a_robot_names_the_urdf(bpy, urdf):

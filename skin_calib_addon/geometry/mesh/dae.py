@@ -64,11 +64,12 @@ def read_dae(path: str | Path) -> tuple[Array, IntArray]:
     return vertices, np.arange(len(vertices)).reshape(-1, 3)
 
 
-def up_axis(path: str | Path) -> str:
-    """Return what a COLLADA file states as its upward axis, such as ``Y_UP``, without effect; empty if nothing."""
+def has_other_axis(path: str | Path) -> bool:
+    """Return whether a file is a COLLADA file that states another upward axis than z, which has no effect."""
+    if Path(path).suffix.lower() != ".dae":
+        return False
     with open(path, "rb") as file:
-        found = re.search(rb"<up_axis>\s*([XYZ]_UP)", file.read(HEADER_BYTES))
-    return found[1].decode() if found else ""
+        return re.search(rb"<up_axis>\s*[XY]_UP", file.read(HEADER_BYTES)) is not None
 
 
 class _Builder(ElementTree.TreeBuilder):

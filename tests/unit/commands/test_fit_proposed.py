@@ -155,5 +155,6 @@ def test_dae_file_with_another_axis_has_a_warning(tmp_path, capsys, up, is_named
     save_mesh(box((0, 0, 0), (0.01, 0.01, 0.01)), tmp_path / "a.ply")
     asset = f"<asset><up_axis>{up}</up_axis></asset>"
     (tmp_path / "a.dae").write_text(f'<COLLADA version="1.4.1">{asset}</COLLADA>')
-    main(["propose", str(tmp_path / "robot.urdf"), "-o", str(tmp_path / "plans")])
-    assert ("the DAE files of 1 link of robot.urdf state" in capsys.readouterr().err) == is_named
+    for file, words in (("robot.urdf", "The DAE files of 1 link of robot.urdf state"), ("a.dae", "a.dae states")):
+        main(["propose", str(tmp_path / file), "-o", str(tmp_path / "plans")])
+        assert (f"warning: {words} an <up_axis> that is not Z_UP" in capsys.readouterr().err) == is_named
