@@ -140,7 +140,7 @@ def draw(results: dict, cases: dict, path) -> None:
         ax.set_title(f"largest push survived [N s], {ground}", fontsize=9)
         ax.tick_params(labelsize=7)
         if k == 0:
-            ax.legend(fontsize=7, loc="lower left", bbox_to_anchor=(-0.2, -0.15))
+            ax.legend(fontsize=7, loc="lower left", bbox_to_anchor=(-0.42, -0.3))
     ax = figure.add_subplot(1, columns, columns)
     for ground, style in zip(grounds, ("-", "--")):
         for source, colour in zip(sources, colours):
