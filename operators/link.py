@@ -21,7 +21,7 @@ _choices: list[tuple[str, str, str]] = []  # items of the search in the open URD
 
 
 def add_link(operator, context, mesh, unit, name, file, warning=""):
-    """Add a link as the active object; report its size, as a warning where links do not have this size, and others."""
+    """Add a link as the active object; report the warning, and its size, as a warning where links do not have it."""
     link = link_objects.add_link(context, mesh, unit, name)
     link.skin_calib.link, link.skin_calib.mesh_file = name, file
     hidden = showing.present(context, [link])

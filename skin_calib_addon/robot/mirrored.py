@@ -145,5 +145,5 @@ class _Sample:
 
     @cached_property
     def to_mesh(self) -> MeshDistance:
-        """Return the distance from the mesh. It is not kept: the trees of all links take hundreds of megabytes."""
+        """Return the distance from the mesh, which only this sample keeps: trees of all links take hundreds of MB."""
         return MeshDistance(self.mesh, coarseness=2.0)
