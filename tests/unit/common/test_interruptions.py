@@ -16,8 +16,8 @@ BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 
 
 @pytest.fixture(autouse=True)
-def _sigterm_raises():
-    with handled(signal.default_int_handler, signal.SIGTERM):
+def _both_raise():
+    with handled(signal.default_int_handler, signal.SIGINT, signal.SIGTERM):  # background processes ignore SIGINT
         yield
 
 
