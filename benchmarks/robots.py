@@ -236,7 +236,7 @@ def of_proposal(urdf, folder, said):
     refused = re.findall(r"^(\S+) +no plan: (.*)$", said, re.M)
     surfaces, taxels, covered = (sum(int(row[k]) for row in per_link) for k in (1, 2, 3))
     robot = read_robot(urdf)
-    reasons = Counter(reason for _, reason in refused)
+    reasons = Counter(reason.partition(" Others cover")[0] for _, reason in refused)  # without names of links
     seconds = re.findall(r"^(.+) took ([\d.]+) s with (\d+) processes, ([\d.]+) s of CPU, (\d+) MB", said, re.M)
     left_out = sum(left_out_area(path.read_text()) for path in folder.glob("*.plan.json"))
     total = re.findall(r"cover (\d+) cm\^2, (\d+)% of the free area and (\d+)% of the area that can", said)[-1]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,7 @@ from .surfaces import MIN_AREA, Proposed, fitted, propose_surfaces
 # get its layout. Larger: more left and right links have layouts of their own.
 MIN_TWIN_FRACTION = 0.9
 MIN_FREE_AREA = 30e-4  # [m^2] that a link needs for skin. Larger: more links stay without
+MAX_COVERERS = 3  # other links that are named. Larger: longer sentences
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +109,7 @@ def propose_link(
     target = _Target.of(link, mesh, file, unit, keep_out, begin)
     if target.free < MIN_FREE_AREA:
         words = f"Less than {MIN_FREE_AREA * 1e4:.0f} cm^2 are open and free of other links: no skin."
-        return Proposal(link, None, (target.sentence, words), target.on.seen, target.free)
+        return Proposal(link, None, (target.sentence, words + target.why_covered), target.on.seen, target.free)
     found = propose_surfaces(seen_faces(mesh), target.on, axes, begin)
     return target.proposal(found, lambda proposed: skin_on(choice, proposed.fit, proposed.surface.name), choice, begin)
 
@@ -185,6 +187,7 @@ class _Target:
     file: Path
     unit: str
     on: LinkPoints
+    covered: Mapping[str, float]  # area of it [m^2] by what covers it, the largest first
 
     @classmethod
     def of(
@@ -198,11 +201,13 @@ class _Target:
     ) -> "_Target":
         """Find what of a link can be seen, and what of that is free."""
         begin("outside")
-        on = LinkPoints.of(mesh)
+        on, covered = LinkPoints.of(mesh), {}
         if keep_out is not None:
             begin("other links")
-            on = replace(on, free=~keep_out(link, on.points, on.normals))
-        return cls(link, mesh, file, unit, on)
+            coverers = keep_out.coverers(link, on.points, on.normals)
+            covered = {name: float(on.areas[coverers == name].sum()) for name in {*coverers} - {""}}
+            on = replace(on, free=coverers == "")
+        return cls(link, mesh, file, unit, on, dict(sorted(covered.items(), key=lambda item: (-item[1], item[0]))))
 
     @property
     def free(self) -> float:
@@ -215,6 +220,14 @@ class _Target:
         seen, free = self.on.seen * 1e4, self.free * 1e4
         return f"{seen:.0f} cm^2 can be seen from outside, {free:.0f} cm^2 of them are open and free of other links."
 
+    @property
+    def why_covered(self) -> str:
+        """Return what covers most of the link, as a sentence after others; empty if more of it is free than covered."""
+        if sum(self.covered.values()) <= self.free:
+            return ""
+        most = (f"{name} {area * 1e4:.0f} cm^2" for name, area in islice(self.covered.items(), MAX_COVERERS))
+        return f" Others cover it somewhere in the ranges of the joints: {', '.join(most)}."
+
     def proposal(
         self,
         found: Sequence[Proposed],
@@ -223,7 +236,7 @@ class _Target:
         begin: Callable[[str], None],
     ) -> Proposal:
         """Return the proposal with skins on surfaces, without boards that conflict."""
-        placed, reasons = [], [self.sentence]
+        placed, reasons = [], [self.sentence + self.why_covered]
         problems: dict[str, str] = {}  # by the names of the surfaces
         for proposed in found:
             begin(f"skin of {proposed.surface.name}")

@@ -34,6 +34,8 @@ CELL_SIDE = 0.5
 # [m] travel of a prismatic joint to either side; some files write 1e16 for "no limit". Larger: less exact.
 MAX_TRAVEL = 1e3
 
+FIXED_PARTS = "what is fixed to it"  # hides a part of a link from most directions
+
 Leg = tuple[Joint, bool]  # a joint on the path from one link to another, and whether the path leads to its child
 
 
@@ -69,20 +71,34 @@ class KeepOut:
         UnknownLink
             If the robot has no such link.
         """
+        is_covered: BoolArray = self.coverers(link, points, normals) != ""
+        return is_covered
+
+    def coverers(self, link: str, points: Array, normals: Array) -> Array:
+        """Return what covers each point: the first link that does, nearest joints first; empty text where none does.
+
+        Parameters and errors are those of a call.
+
+        Returns
+        -------
+        array of str, shape (k,)
+            Names of links, or ``FIXED_PARTS`` where those fixed to the link hide it.
+        """
         if link not in self.robot.links:
             raise UnknownLink(f"{self.robot.file} has no link {show(link)}{did_you_mean(link, self.robot.links)}")
         balls = np.asarray(points, float) + self.radius * np.asarray(normals, float)
-        covered = np.zeros(len(balls), bool)
-        for mesh, path in self._around(link):
+        found = np.full(len(balls), "", object)
+        for other, mesh, path in self._around(link):
             if mesh is not self.meshes.get(link):
-                free = np.flatnonzero(~covered)
-                covered[free] = _Motion(path, self._field(mesh), self.radius).is_met(balls[free])
+                free = np.flatnonzero(found == "")
+                found[free[_Motion(path, self._field(mesh), self.radius).is_met(balls[free])]] = other
         group = self.with_fixed(link)
         if group is not None and group is not self.meshes.get(link):
             distance = point_distance(group)
-            buffers, free = DepthBuffers.of(sample_faces(group, distance)[0], distance), np.flatnonzero(~covered)
-            covered[free] = buffers.openness(np.asarray(points)[free], np.asarray(normals)[free])[0] <= MIN_OPEN
-        return covered
+            buffers, free = DepthBuffers.of(sample_faces(group, distance)[0], distance), np.flatnonzero(found == "")
+            openness = buffers.openness(np.asarray(points)[free], np.asarray(normals)[free])[0]
+            found[free[openness <= MIN_OPEN]] = FIXED_PARTS
+        return found
 
     def with_fixed(self, link: str) -> TriangleMesh | None:
         """Return the mesh and shapes of a link together with those of the links that no joint moves against it.
@@ -98,7 +114,7 @@ class KeepOut:
             In the frame of the link [m]; its own mesh if there is nothing else, None without any.
         """
         found = []
-        for mesh, path in self._around(link):
+        for _, mesh, path in self._around(link):
             if not any(_turn(joint, 1) for joint, _ in path):
                 pose = np.eye(4)  # of the link in the frame of the other one
                 for leg in path:
@@ -107,10 +123,10 @@ class KeepOut:
         own = self.meshes.get(link)
         return own if len(found) == (own is not None) else TriangleMesh(*stacked(found))
 
-    def _around(self, link: str) -> Iterator[tuple[TriangleMesh, tuple[Leg, ...]]]:
-        """Yield the meshes and shapes of a link and of those around it, each with the path to its frame."""
+    def _around(self, link: str) -> Iterator[tuple[str, TriangleMesh, tuple[Leg, ...]]]:
+        """Yield the meshes and shapes of a link and of those around it: name, mesh, and path to its frame."""
         for other, path in ((link, ()), *paths_from(self.robot, link)):
-            yield from ((parts[other], path) for parts in (self.meshes, self.shapes) if other in parts)
+            yield from ((other, parts[other], path) for parts in (self.meshes, self.shapes) if other in parts)
 
     def _field(self, mesh: TriangleMesh) -> DistanceField:
         if mesh not in self.fields:

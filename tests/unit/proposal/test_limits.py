@@ -24,7 +24,9 @@ from skin_calib_addon.proposal.proposal import propose_link, propose_twin
 from skin_calib_addon.proposal.skins import parse_skin, skin_on
 from skin_calib_addon.proposal.surfaces import bounded_region, propose_surfaces
 from skin_calib_addon.proposal.trial import opened, region_size, whole
+from skin_calib_addon.robot.keep_out import KeepOut
 from skin_calib_addon.robot.mirrored import Twin
+from skin_calib_addon.robot.urdf import Robot
 from tests.shapes import box, sheet, subdivided, together, welded
 
 UP = np.array((0.0, 0.0, 1.0))
@@ -173,7 +175,7 @@ def test_twin_has_nine_tenths_of_the_free_area(factor, is_twin):
         mesh,
         Path("a.ply"),
         choice,
-        lambda link, points, normals: np.zeros(len(points), bool),
+        KeepOut(Robot("robot.urdf", {"b": ()}, "robot", {}), {"b": mesh}),
     )
     assert (found is not None) == is_twin
 

@@ -27,6 +27,8 @@ from skin_calib_addon.proposal.proposal import propose_link
 from skin_calib_addon.proposal.skins import parse_skin
 from skin_calib_addon.proposal.surfaces import MIN_AREA, Tried, best_of, fitted, propose_surfaces
 from skin_calib_addon.proposal.trial import Start
+from skin_calib_addon.robot.keep_out import KeepOut
+from skin_calib_addon.robot.urdf import Joint, Robot
 from tests.shapes import box, cylinder, hinged_planes, sheet, subdivided, together, welded
 
 RADIUS, LENGTH = 0.03, 0.12
@@ -296,6 +298,24 @@ def test_link_without_free_area_gets_a_reason(tmp_path):
     """A small link: no plan, and a sentence."""
     proposal = proposed(welded(trimesh.creation.icosphere(3, 0.012)), tmp_path)
     assert proposal.plan is None and proposal.reasons[-1].startswith("Less than 30 cm^2")
+
+
+@pytest.mark.parametrize("length, is_named", [(0.1, True), (0.075, True), (0.03, False)])
+def test_links_that_cover_most_of_a_link_are_named(length, is_named, tmp_path):
+    """A plate of 100 x 50 x 8 mm between two that cover a part of both its faces, 5 mm away; its edges have 24 cm^2."""
+    plate, other = box((0, 0, 0), (0.1, 0.05, 0.008)), box((0, 0, 0), (length, 0.05, 0.008))
+    heights = {"below": -0.013, "above": 0.013}
+    joints = {name: Joint(name, "fixed", "plate", name, (0, 0, height)) for name, height in heights.items()}
+    body = Robot("robot.urdf", dict.fromkeys(("plate", *heights), ()), "robot", joints)
+    keep_out = KeepOut(body, dict.fromkeys(heights, other) | {"plate": plate})
+    found = propose_link("plate", plate, tmp_path / "robot.urdf", "m", parse_skin("hexagons:8mm"), keep_out=keep_out)
+    assert (found.plan is None) == (length == 0.1)
+    reason = found.reasons[0] if found.plan else found.reasons[-1]
+    before, words, areas = reason.partition(" Others cover it somewhere in the ranges of the joints: ")
+    assert bool(words) == is_named and before.endswith("other links." if found.plan else "no skin.")
+    if is_named:
+        first, second = re.fullmatch(r"above (\d+) cm\^2, below (\d+) cm\^2\.", areas).groups()
+        assert first == second and 0 <= int(first) - 500 * length < 4
 
 
 @pytest.mark.parametrize(

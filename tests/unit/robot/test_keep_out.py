@@ -9,7 +9,7 @@ import trimesh
 
 from skin_calib_addon.common.errors import CalibrationFormatError, UnknownLink
 from skin_calib_addon.geometry.mesh.visibility import sample_faces, visibility
-from skin_calib_addon.robot.keep_out import CLEARANCE, KeepOut, keep_out, paths_from
+from skin_calib_addon.robot.keep_out import CLEARANCE, FIXED_PARTS, KeepOut, keep_out, paths_from
 from skin_calib_addon.robot.kinematics import link_poses
 from skin_calib_addon.robot.link_mesh import load_link
 from skin_calib_addon.robot.urdf import Joint, Robot, read_robot
@@ -122,6 +122,22 @@ def test_a_fixed_shell_hides_what_is_below_it_at_any_distance(joint, count):
     points, normals = floor(-0.05, 0.05, 5)
     assert keep_out(fixed, meshes, "base", points, normals).all() == count
     assert not keep_out(fixed, meshes, "base", points - 0.01 * UP, -normals).any()
+
+
+def test_what_covers_a_point_is_named():
+    """A plate that hangs over one end of a floor, one behind a joint over the other, and a bowl over the middle."""
+    bowl = trimesh.creation.icosphere(4, 0.05)
+    bowl = bowl.submesh([bowl.triangles_center[:, 2] > -0.04], append=True).apply_translation((0, 0, 0.05))
+    plate = box((-0.02, -0.02, 0.004), (0.02, 0.02, 0.008))
+    parts = robot(
+        Joint("j", "fixed", "base", "left", (-0.1, 0, 0)),
+        Joint("k", "revolute", "base", "right", (0.1, 0, 0), limits=(0, 0.1)),
+        Joint("l", "fixed", "base", "bowl"),
+    )
+    meshes = {"base": BASE, "left": plate, "right": plate, "bowl": welded(bowl)}
+    points = np.array([(-0.1, 0, 0), (0.1, 0, 0), (0, 0, 0), (0, 0.13, 0)])
+    found = KeepOut(parts, meshes).coverers("base", points, np.tile(UP, (4, 1)))
+    assert found.tolist() == ["left", "right", FIXED_PARTS, ""]
 
 
 SHAPES = {"a": ((-0.03, -0.02, -0.05), (0.03, 0.02, 0.0)), "b": ((-0.01,) * 3, (0.02, 0.015, 0.01))}
