@@ -1,6 +1,6 @@
 """Place the skins of a plan on the fitted surface."""
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, singledispatch
 
@@ -14,6 +14,7 @@ from ..common.errors import InvalidPlan, OutsideSurface
 from ..common.warnings import Place, Warning
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.mesh.closest import distance_to
+from ..geometry.surface.bspline import BSplineSurface
 from ..plan import Plan
 from ..plan.checks import naming_skin
 from ..plan.plan import SURFACE
@@ -65,6 +66,7 @@ class Draft:
     near: Mapping[str, PlacedSkin]  # placements by the names of skins, on a similar surface, from which sheets start
     neighbours: bool  # whether the neighbours of the taxels are needed
     sigma: bool  # whether the uncertainty of the taxels is needed
+    on_facets: Container[str] = ()  # names of surfaces whose sheets lie along the facets, and not through the vertices
 
 
 def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = None) -> tuple[PlacedSkin, ...]:
@@ -100,7 +102,8 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = 
         assert first is not None  # the counts of all previous skins are known
         name = plan.surface_of(skin)
         with naming_skin(plan, skin):
-            done = place_skin(skin, fits[name], first) if draft is None else draft_skin(skin, fits[name], first, draft)
+            on = fits[name], first
+            done = place_skin(skin, *on) if draft is None else draft_skin(skin, *on, draft, name in draft.on_facets)
         placed.append(replace(done, patch=replace(done.patch, surface=name)))
         counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
     first_channels(skins, counts)
@@ -117,12 +120,13 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = 
     return tuple(replace(done, patch=on, disabled=off) for done, on, off in zip(placed, enabled, disabled))
 
 
-def draft_skin(skin: Skin, fit: SurfaceFit, first_channel: int, draft: Draft) -> PlacedSkin:
+def draft_skin(skin: Skin, fit: SurfaceFit, first_channel: int, draft: Draft, on_facets: bool) -> PlacedSkin:
     """Place a skin for a preview; arguments as for `place_skin` and `place_all`."""
     if not isinstance(skin, SheetSkin):
         return place_skin(skin, fit, first_channel)
     near = draft.near.get(skin.name)
-    sheet = sheet_on(skin, fit, near.sheet if near else None, preview=True)
+    surface = fit.surface if on_facets else fit.error_field.surface
+    sheet = sheet_on(skin, fit, surface, near.sheet if near else None, preview=True)
     taxels = preview_taxels(sheet, skin.name, first_channel)
     if draft.neighbours:
         found = neighbours(taxels.ids, taxels.positions_link, taxels.normals_link, taxels.corners_link)
@@ -150,10 +154,12 @@ def place_skin(skin: Skin, fit: SurfaceFit, first_channel: int) -> PlacedSkin:
     raise TypeError(f"cannot place a {type(skin).__name__}")
 
 
-def sheet_on(skin: SheetSkin, fit: SurfaceFit, near: WrappedSheet | None = None, preview: bool = False) -> WrappedSheet:
-    """Return the sheet of a skin on the surface of a fit; arguments as for `wrap_sheet`."""
+def sheet_on(
+    skin: SheetSkin, fit: SurfaceFit, surface: BSplineSurface, near: WrappedSheet | None = None, preview: bool = False
+) -> WrappedSheet:
+    """Return the sheet of a skin on a surface of a fit; arguments as for `wrap_sheet`."""
     sheet = wrap_sheet(
-        fit.error_field.surface,
+        surface,
         skin.lattice,
         skin.origin,
         skin.direction,
@@ -174,7 +180,7 @@ def sheet_patch(skin: SheetSkin, taxels: TaxelArray) -> Patch:
 
 @place_skin.register
 def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int) -> PlacedSkin:
-    sheet = sheet_on(skin, fit)
+    sheet = sheet_on(skin, fit, fit.error_field.surface)
     placed = PlacedSkin(sheet_patch(skin, sheet_taxels(sheet, skin.name, first_channel)), sheet)
     if not skin.overlap:
         check_overlap(placed.patch, placed.closure)

@@ -14,7 +14,7 @@ from ...common.file_hash import file_hash
 from ...common.warnings import Warning
 from ...geometry import SurfaceFit, cut_cover, fit_grid, fit_surface
 from ...geometry.grid.grids import Grid, Size
-from ...geometry.mesh.clustering import coarse_cover
+from ...geometry.mesh.clustering import COARSE_FACES, coarse_cover
 from ...geometry.mesh.outliers import without_outliers
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline.place_skins import Draft, PlacedSkin, place_all
@@ -123,11 +123,12 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     given_skins, plan = plan.skins, replace(plan, skins=placed_at_once(plan.skins))
     skins = plan.skins, [file_hash(path) for path in taxel_files(plan)]
     judged = "TILT" in given.shown, "UNCERTAINTY" in given.shown
-    draft = Draft(cache.placed, *judged)
 
     def placed_on(coarse: bool, moving: set[str]) -> tuple[dict[str, SurfaceFit], tuple[PlacedSkin, ...], bool]:
         found = {s.name: _fit(cache, mesh, plan, s, coarse, s.name in moving) for s in plan.surfaces}
         fits = {name: fit for name, (fit, _) in found.items()}
+        is_fine = {True: len(mesh.faces) > COARSE_FACES, False: coarse and len(mesh.faces) > MAX_EXACT_FACES}
+        draft = Draft(cache.placed, *judged, {name for name, (_, moved) in found.items() if is_fine[moved]})
         placed = cache.step("placed", (fits, (skins, judged)), _same_fits, lambda: place_all(plan, fits, draft))
         return fits, placed, coarse or any(moved for _, moved in found.values())
 

@@ -11,6 +11,7 @@ from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry import CoverSpec, TubeGrid
 from skin_calib_addon.inspection.all_taxels import AllTaxels
 from skin_calib_addon.pipeline import calibrate
+from skin_calib_addon.pipeline.place_skins import Draft, place_all
 from skin_calib_addon.pipeline.report import report_document, summary
 from skin_calib_addon.plan import Plan
 from skin_calib_addon.plan.document import skins_from
@@ -164,3 +165,20 @@ def test_tilts_of_boards_are_to_their_neighbours_of_all_skins(tmp_path):
         assert_allclose(taxels.quality["tilt"], largest, rtol=1e-12)
         assert_allclose(AllTaxels.of(patches).tilt[-len(largest) :], largest, rtol=1e-12)
     assert largest[0] > alone.quality["tilt"][0]
+
+
+def test_draft_is_along_the_facets_where_it_may_be(tmp_path):
+    """On a tube of 24 sides, which are up to 0.43 mm inside of the circle through its vertices."""
+    sheet = SHEET | {"columns": 20}
+    plan = Plan(
+        "tube", tmp_path / "tube.stl", "m", (Surface(CoverSpec(), TubeGrid(6, 24, Z_AXIS)),), skins_from([sheet])
+    )
+    fits = calibrate(plan, cylinder(RADIUS, 0.2, 24, 30)).fits
+    (name,) = fits
+    above = {}
+    for on_facets in ((), (name,)):
+        fit = replace(fits[name])  # computes its parts anew
+        (placed,) = place_all(plan, {name: fit}, Draft({}, False, False, on_facets))
+        above[on_facets] = np.hypot(*placed.patch.taxels.positions_link.T[:2]) - RADIUS
+        assert ("error_field" in vars(fit)) == (not on_facets)
+    assert np.abs(above[()]).max() < 3e-5 and -4.3e-4 < above[(name,)].mean() < -1.5e-4
