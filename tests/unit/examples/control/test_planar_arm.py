@@ -1,12 +1,7 @@
-"""The arms of the control examples: what they feel, and short versions of their experiments."""
+"""The planar arm: what it feels, and short versions of the runs."""
 
 import numpy as np
 import pytest
-
-for package in ("mujoco", "tqdm", "PIL", "matplotlib"):
-    pytest.importorskip(package, reason=f"the package {package} is not installed: pip install '.[control]'")
-
-pytestmark = pytest.mark.usefixtures("scripts")
 
 
 def test_table_as_printed_avoids_again_at_the_first_motion():
@@ -18,17 +13,6 @@ def test_table_as_printed_avoids_again_at_the_first_motion():
     policy = Printed()
     assert policy.update(0.0, 0.5 * SLOW, False, 3.0, 0.0) is Stage.PUSH
     assert policy.update(0.1, 2 * SLOW, False, 3.0, 0.0) is Stage.AVOID
-
-
-def test_balls_of_the_soft_probe_touch_the_forearm():
-    """All at the distance of their radius from the cone of the forearm."""
-    from arm import FOREARM_LENGTH, PRESSED, SMALL, WRIST_RADIUS, cushion, radius_at
-    from shapes import ELBOW_RADIUS
-
-    places = cushion()
-    slope = (WRIST_RADIUS - ELBOW_RADIUS) / FOREARM_LENGTH
-    to_axis = np.hypot(places[:, 1], radius_at(PRESSED) + SMALL - places[:, 2])
-    np.testing.assert_allclose(to_axis - SMALL, radius_at(PRESSED) + slope * places[:, 0], atol=1e-9)
 
 
 @pytest.mark.slow
@@ -61,34 +45,6 @@ def test_planar_arm_gets_to_its_goal_only_if_it_may_push():
     assert np.isnan(avoids.arrival) and avoids.peak(0, 9) == 0
     assert pushes.arrival < 9 and pushes.changes == pushes.changes_before_touch == 1
     assert pushes.log[:, 3].max() < MAX_FORCE  # the felt force
-
-
-@pytest.mark.slow
-def test_arm_yields_to_two_contacts():
-    from arm import Case, run
-
-    stiff, yields = (run(Case("contacts", variant, 0), duration=1.2) for variant in ("stiff", "yields"))
-    for name in ("force", "second"):
-        assert yields[name].max() < stiff[name].max() / 2
-
-
-@pytest.mark.slow
-def test_arm_avoids_in_the_null_space_of_its_hand():
-    from arm import Case, run
-
-    still, moves = (run(Case("near", variant, 0), duration=2.8) for variant in ("hand only", "null space"))
-    assert still["force"].max() > 0 == moves["force"].max()
-    assert moves["hand"].max() < 0.02 and moves["gap"].min() > 0.002
-
-
-@pytest.mark.slow
-def test_heat_and_pain_have_priority_over_the_hand():
-    from arm import HEAT_LIMIT, Case, run
-
-    hand, first = (run(Case("heat", variant, 0), duration=3.0) for variant in ("hand only", "first"))
-    assert first["heat"].max() - HEAT_LIMIT < 0.5 * (hand["heat"].max() - HEAT_LIMIT)
-    pain = run(Case("pain", "small", 0), duration=3.0)
-    assert 2 < pain.pain_force < 10
 
 
 @pytest.mark.slow

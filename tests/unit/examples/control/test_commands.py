@@ -6,12 +6,7 @@ from pathlib import Path
 
 import pytest
 
-for package in ("mujoco", "tqdm", "PIL", "matplotlib", "qpsolvers"):
-    pytest.importorskip(package, reason=f"the package {package} is not installed: pip install '.[control]'")
-
-pytestmark = pytest.mark.usefixtures("scripts")
-
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 FOLDER, MAKEFILE = ROOT / "examples" / "control", (ROOT / "Makefile").read_text("utf-8")
 COMMANDS = re.search("^CONTROL = (.*)$", MAKEFILE, re.MULTILINE)[1].split()
 SHORT = dict.fromkeys(("landing", "faults", "g1_landing"), ("--steps", "1")) | {"beam": ("--steps", "2")}

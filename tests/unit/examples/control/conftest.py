@@ -1,0 +1,34 @@
+"""The scripts in examples/control/ as modules, one test file for each of them."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parents[4] / "examples" / "control"
+MODULES = {path.stem for path in FOLDER.glob("*.py")}
+
+
+@pytest.fixture(autouse=True)
+def scripts(monkeypatch):
+    """The scripts import each other, as they do when Python runs one of them."""
+    for package in ("mujoco", "tqdm", "PIL", "matplotlib", "qpsolvers"):
+        pytest.importorskip(package, reason=f"the package {package} is not installed: pip install '.[control]'")
+    kept = {name: sys.modules.pop(name) for name in MODULES & sys.modules.keys()}
+    monkeypatch.syspath_prepend(str(FOLDER))
+    yield
+    for name in MODULES & sys.modules.keys():
+        del sys.modules[name]
+    sys.modules.update(kept)
+
+
+@pytest.fixture
+def g1_feet(tmp_path_factory):
+    """The folder with the skins proposed for the feet of the G1, made once for all tests."""
+    from g1 import URDF, propose
+
+    if not URDF.exists():
+        pytest.skip(f"no real robot here: {URDF} is missing")
+    folder = tmp_path_factory.getbasetemp() / "g1_feet"
+    propose(URDF, folder)
+    return folder

@@ -1,0 +1,72 @@
+"""Options, tables and their places in the documentation, which all experiments have in common."""
+
+import importlib
+from types import SimpleNamespace
+
+import pytest
+
+
+def test_each_table_has_a_place_in_its_page():
+    """``--write`` replaces what is between two marks."""
+    from experiment import ARM_PAGE, PAGE, ROOT
+
+    pages = {page: page.read_text("utf-8") for page in (PAGE, ARM_PAGE)}
+    scripts = {path.name: path.read_text("utf-8") for path in (ROOT / "examples/control").glob("*.py")}
+    scripts = {name: text for name, text in scripts.items() if "report(given," in text}
+    assert len(scripts) > 5
+    for name, text in scripts.items():
+        page = pages[ARM_PAGE if "page=ARM_PAGE" in text else PAGE]
+        before, found, after = page.partition(f"<!-- begin of the table of {name} -->\n")
+        assert found and after.lstrip().startswith("|") and f"<!-- end of the table of {name} -->\n" in after, name
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("no table", "has no line <!-- begin of the table of beam.py -->"),
+        ("<!-- begin of the table of beam.py -->\nrest", "has no line <!-- end of the table of beam.py -->"),
+        (None, "No such file or directory"),
+    ],
+)
+def test_page_without_a_place_for_the_table_stops_before_the_runs(text, problem, tmp_path):
+    """The rest of the page after a missing end was lost."""
+    from experiment import run_all
+
+    page = tmp_path / "page.md"
+    if text is not None:
+        page.write_text(text)
+    with pytest.raises(SystemExit, match=problem):
+        run_all(pytest.fail, [0], SimpleNamespace(write=True, page=page, name="beam", jobs=1))
+    assert text is None or page.read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("script", "words", "problem"),
+    [
+        ("landing", "--seeds 0", "--seeds: '0' is not a whole number of at least 1"),
+        ("wrenches", "--seeds 0", "--seeds: '0' is not a whole number of at least 1"),
+        ("balance", "--jobs -1", "--jobs: '-1' is not a whole number of at least 1"),
+        ("faults", "--steps 0", "--steps: '0' is not a whole number of at least 1"),
+        ("g1_landing", "--steps 1.5", "--steps: '1.5' is not a whole number of at least 1"),
+        ("beam", "--width -0.1", "--width: '-0.1' is not a number above 0"),
+        ("landing", "--speed nan", "--speed: 'nan' is not a number above 0"),
+        ("footholds", "--out {file}/out", "--out: cannot write to the folder {file}/out: Not a directory"),
+        ("g1", "--urdf {file}", "--urdf: {file} is not an XML file"),
+        ("g1", "--urdf {other}", "--urdf: {other} is not the URDF of a G1: it has no link 'left_ankle_roll_link'"),
+        ("g1_arm", "--urdf {file}.urdf", "--urdf: cannot read {file}.urdf: No such file"),
+        ("rates", "--no-animation", "unrecognized arguments: --no-animation"),
+        ("as_written", "--no-animation", "unrecognized arguments: --no-animation"),
+    ],
+)
+def test_bad_option_is_one_message(script, words, problem, tmp_path, monkeypatch, capsys):
+    """The exit code is 2, and nothing is simulated."""
+    file, other = tmp_path / "file", tmp_path / "other.urdf"
+    file.write_text("no XML")
+    other.write_text("<robot name='other'><link name='pelvis'/></robot>")
+    names = {"file": file, "other": other}
+    monkeypatch.setattr("sys.argv", [f"{script}.py", *words.format(**names).split()])
+    module = importlib.import_module(script)
+    monkeypatch.setattr(module, "run_all", lambda *_: pytest.fail("the experiment runs"))
+    with pytest.raises(SystemExit) as ended:
+        module.main()
+    assert ended.value.code == 2 and problem.format(**names) in capsys.readouterr().err
