@@ -217,40 +217,45 @@ def without_force(modalities: Any) -> Mapping[Any, Any]:
     return modalities
 
 
-def values_in(given: Any, *units: str) -> Array:
+def values_in(given: Any, count: int, *units: str) -> Array:
     """Return the numbers of an array, or of a modality; NaN where they are unknown.
 
     Parameters
     ----------
     given : array, shape (n,), or ModalityValues
         If it is an array, its unit is that of the caller.
+    count : int
+        Number n of the taxels.
     *units : str
         Valid units of a modality.
 
     Raises
     ------
     ValueError
-        If the modality has another unit.
+        If there is not one number for each taxel, or the modality has another unit.
     """
-    if not isinstance(given, ModalityValues):
-        return unmasked(given)
-    if given.unit not in units:
+    if isinstance(given, ModalityValues) and given.unit not in units:
         raise ValueError(f"this needs a modality in {' or '.join(units)}, not in {given.unit}")
-    return given.values
+    values = given.values if isinstance(given, ModalityValues) else unmasked(given)
+    if values.shape[-1:] != (count,):
+        raise ValueError(f"values of shape {values.shape} are not one for each of {count} taxels")
+    return values
 
 
-def distances_in(given: Any) -> Array:
+def distances_in(given: Any, count: int) -> Array:
     """Return distances [m]; infinity where a modality is at the far end of its response: nothing is in range.
 
     Parameters
     ----------
     given : array, shape (n,), or ModalityValues
         Distances [m].
+    count : int
+        Number n of the taxels.
 
     Raises
     ------
     ValueError
-        If the modality has another unit.
+        If there is not one distance for each taxel, or the modality has another unit.
     """
-    distances = values_in(given, "m")
+    distances = values_in(given, count, "m")
     return np.where(distances >= given.largest, np.inf, distances) if isinstance(given, ModalityValues) else distances

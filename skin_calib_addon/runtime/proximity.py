@@ -22,8 +22,13 @@ def preemptive_polygon(ground: GroundGeometry, distances: Any, height: float) ->
         sensor detects nothing, minus infinity if something is too near to be measured (REP 117 of ROS).
     height : float
         Upper limit of the distances [m].
+
+    Raises
+    ------
+    ValueError
+        If there is not one distance for each taxel.
     """
-    near = distances_in(distances) < height  # NaN is not near
+    near = distances_in(distances, len(ground.can_stand)) < height  # NaN is not near
     return ground.corner_hull.hull(near & ground.can_stand)
 
 

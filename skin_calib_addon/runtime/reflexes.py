@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..common.arrays import Array
+from ..common.checks import finite, positive
 
 
 class Switch:
@@ -26,12 +27,14 @@ class Switch:
     Raises
     ------
     ValueError
-        If ``off`` is larger than ``on``.
+        If ``off`` is larger than ``on``, or the time is below zero.
     """
 
     def __init__(self, on: float, off: float, hold: float):
         if not off <= on:
             raise ValueError(f"the level off, {off:g}, must not be larger than the level on, {on:g}")
+        if not hold >= 0:
+            raise ValueError(f"the time below the level off must be zero or more, not {hold}")
         self.is_on = False
         self._on, self._off, self._hold = on, off, hold
         self._last, self._time = -math.inf, math.inf  # time of the last value that was not below, and of the last one
@@ -45,7 +48,14 @@ class Switch:
             In the unit of the levels.
         time : float
             That never decreases [s].
+
+        Raises
+        ------
+        ValueError
+            If the time is not finite; nothing changes.
         """
+        if not math.isfinite(time):
+            raise ValueError(f"the time {time} is not a finite number")
         if math.isnan(value):
             self._last += max(time - self._time, 0.0)
         self._time = time
@@ -86,9 +96,16 @@ class IntentionalContact:
     patience : float
         Time for which the robot must be slow before it pushes. An obstacle must be away, or a force small, for this
         time before it avoids again [s].
+
+    Raises
+    ------
+    ValueError
+        If one of these is not positive and finite.
     """
 
     def __init__(self, slow: float, max_force: float, patience: float):
+        for name, value in (("slow", slow), ("max_force", max_force), ("patience", patience)):
+            positive(name, value)
         self.stage, self.since = Stage.AVOID, -math.inf  # and the time of the last change [s]
         self._slow, self._patience, self._moved, self._met = slow, patience, math.inf, -math.inf
         self._hard = Switch(max_force, max_force / 2, patience)
@@ -106,14 +123,20 @@ class IntentionalContact:
             Whether the hand is where it must go.
         near, contact : float
             Sizes of the force of :func:`.proximity_wrench` and of the largest contact [N].
+
+        Raises
+        ------
+        ValueError
+            If the time is not finite; nothing changes.
         """
+        is_hard = self._hard.update(contact, time)
         is_known = not math.isnan(speed + near + contact)
         if speed > self._slow or is_at_goal or not is_known or self._moved == math.inf:
             self._moved = time
         if near > 0 or contact > 0:
             self._met = time
         stage = self.stage
-        if self._hard.update(contact, time):
+        if is_hard:
             stage = Stage.YIELD
         elif stage is Stage.YIELD:
             stage = Stage.AVOID
@@ -144,6 +167,15 @@ def blended(before: Any, now: Any, elapsed: float, rate: float) -> Array:
         :math:`t - t_t` since the change [s].
     rate : float
         :math:`\delta_t` [1/s]. Larger: a faster change.
+
+    Raises
+    ------
+    ValueError
+        If a torque is not finite, the torques have different shapes, the rate is not positive and finite, or the time
+        is not a number.
     """
-    old = 1 - math.tanh(rate * max(elapsed, 0.0))
-    return old * np.asarray(before, float) + (1 - old) * np.asarray(now, float)
+    if math.isnan(elapsed):
+        raise ValueError("the time since the change is not a number")
+    old = 1 - math.tanh(positive("the rate", rate) * max(elapsed, 0.0))
+    shape = np.shape(before)
+    return old * finite("the torque before", before, shape) + (1 - old) * finite("the torque now", now, shape)

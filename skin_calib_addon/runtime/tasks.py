@@ -12,10 +12,14 @@ from typing import Any
 import numpy as np
 
 from ..common.arrays import Array, BoolArray
+from ..common.checks import finite, not_negative
 
 # [1] Fraction of the largest mobility of a task, below which the joints cannot move a direction of it. Larger: near a
 # singular pose lower tasks disturb that direction; smaller: rounding errors of a Jacobian block lower tasks.
 MIN_MOBILITY = 1e-4
+# [1] Difference of an inertia matrix from its transpose, relative to its largest value, from which on it is refused.
+# Larger: matrices with one triangle only, as of some libraries, pass; smaller: rounding errors are refused.
+MAX_ASYMMETRY = 1e-6
 
 
 def contact_torques(
@@ -27,14 +31,14 @@ def contact_torques(
         \boldsymbol{\tau}_i = J_i^T \begin{bmatrix} R_i & 0 \\ 0 & R_i \end{bmatrix} \mathbf{w}_i
 
     The thesis leaves out the rotation in eq. 3.22. Only links with a wrench need a Jacobian, so the cost increases with
-    the links in contact. A wrench that is zero or not known (NaN) has no row. The sum of the rows is the torque that
-    yields to all contacts. The rows are also the Jacobian of this task, see :func:`prioritized`.
+    the links in contact. A wrench that is zero or not known (not finite) has no row. The sum of the rows is the torque
+    that yields to all contacts. The rows are also the Jacobian of this task, see :func:`prioritized`.
 
     Parameters
     ----------
     wrenches : mapping of str to array, shape (6,) or (c, 6)
         Of a link, or of each contact on it, about the origin of the link and along its axes [N, N m], such as
-        ``frame.wrench``, ``contact.wrench`` or those of :mod:`.wrench`.
+        ``frame.wrench``, ``contact.wrench`` or those of :mod:`.wrench`. An empty list is no contact.
     poses : mapping of str to array, shape (4, 4)
         ``T_world_link``, such as ``BodyFrame.poses``.
     jacobian : callable
@@ -50,22 +54,29 @@ def contact_torques(
     Raises
     ------
     ValueError
-        If a wrench has not six numbers, or a Jacobian has another shape.
+        If a wrench has not six numbers, a Jacobian or a pose has another shape, or one of these is not finite.
     KeyError
         If a link with a wrench has no pose.
     """
-    rows = [np.empty((0, joints))]
+    rows: dict[str, Array] = {}
     for link, given in wrenches.items():
-        each = np.atleast_2d(np.asarray(given, float))
+        each = np.asarray(given, float)
+        each = np.atleast_2d(each) if each.size else np.empty((0, 6))
         if each.ndim != 2 or each.shape[1] != 6:
             raise ValueError(f"the wrench of {link!r} has shape {np.shape(given)}, expected (6,) or (c, 6)")
         each = each[np.isfinite(each).all(axis=1) & each.any(axis=1)]
         if len(each):
-            matrix, rotation = np.asarray(jacobian(link), float), poses[link][:3, :3]
+            matrix, pose = np.asarray(jacobian(link), float), np.asarray(poses[link], float)
             if matrix.shape != (6, joints):
                 raise ValueError(f"the Jacobian of {link!r} has shape {matrix.shape}, expected (6, {joints})")
-            rows.append((each.reshape(-1, 2, 3) @ rotation.T).reshape(-1, 6) @ matrix)
-    return np.concatenate(rows)
+            if pose.shape != (4, 4):
+                raise ValueError(f"the pose of {link!r} has shape {pose.shape}, expected (4, 4)")
+            rows[link] = (each.reshape(-1, 2, 3) @ pose[:3, :3].T).reshape(-1, 6) @ matrix
+    torques = np.concatenate((np.empty((0, joints)), *rows.values()))
+    if not np.isfinite(torques).all():
+        wrong = [link for link, some in rows.items() if not np.isfinite(some).all()]
+        raise ValueError(f"the Jacobian or the pose of {wrong[0]!r} has values that are not finite numbers")
+    return torques
 
 
 def prioritized(tasks: Iterable[tuple[Any, Any]], inertia: Any) -> Array:
@@ -92,19 +103,21 @@ def prioritized(tasks: Iterable[tuple[Any, Any]], inertia: Any) -> Array:
     Raises
     ------
     ValueError
-        If a number of joints does not match, or a torque or a Jacobian has values that are not finite.
+        If a number of joints does not match, a torque, a Jacobian or the inertia has values that are not finite, or the
+        inertia is not symmetric.
     numpy.linalg.LinAlgError
         If the inertia matrix is not positive definite.
     """
-    factor = np.linalg.cholesky(np.asarray(inertia, float))
+    factor = np.linalg.cholesky(_symmetric(inertia, np.shape(inertia)))
     n = len(factor)
     inverse = np.linalg.inv(factor)
     taken, total = np.empty((0, n)), np.zeros(n)  # directions of higher tasks, scaled by the inertia; scaled torque
     for torque, given in tasks:
-        torque, rows = np.asarray(torque, float), np.asarray(given, float).reshape(-1, np.shape(given)[-1])
+        torque, rows = np.asarray(torque, float), np.asarray(given, float)
+        rows = np.atleast_2d(rows) if rows.size else np.empty((0, n))
         if not np.isfinite(rows).all():
             raise ValueError("a Jacobian has values that are not finite numbers")
-        if torque.shape != (n,) or rows.shape[1] != n:
+        if torque.shape != (n,) or rows.ndim != 2 or rows.shape[1] != n:
             raise ValueError(f"a task with torque {torque.shape} and Jacobian {rows.shape} does not fit {n} joints")
         if not np.isfinite(torque).all():
             raise ValueError("a task has a torque that is not a finite number")
@@ -144,14 +157,17 @@ def attraction(
     Raises
     ------
     ValueError
-        If one of these is not in its range.
+        If one of these is not in its range, not finite, or has another shape than the position.
     """
-    if not (stiffness > 0 and damping > 0 and max_speed >= 0):
-        raise ValueError(f"stiffness {stiffness} and damping {damping} must be above zero, speed {max_speed} not below")
-    wanted = stiffness / damping * (np.asarray(goal, float) - position)
+    if not (0 < stiffness < math.inf and 0 < damping < math.inf and max_speed >= 0):
+        values = f"stiffness {stiffness} and damping {damping} must be above zero and finite"
+        raise ValueError(f"{values}, speed {max_speed} not below zero")
+    given = {"the position": position, "the velocity": velocity, "the goal": goal}
+    position, velocity, goal = (finite(name, value, np.shape(position)[:1]) for name, value in given.items())
+    wanted = stiffness / damping * (goal - position)
     speed = math.sqrt(float(wanted @ wanted))
     limited = wanted * (max_speed / speed) if speed > max_speed else wanted
-    return -damping * (np.asarray(velocity, float) - limited)
+    return -damping * (velocity - limited)
 
 
 class TorqueResolver:
@@ -205,11 +221,11 @@ class TorqueResolver:
         Raises
         ------
         ValueError
-            If a torque is not a finite number; the joints then stay as they are.
+            If one of these is not finite, has another shape, the inertia is not symmetric, or the period is below zero;
+            the joints then stay as they are.
         """
-        mass, torque = np.asarray(inertia, float), np.asarray(torque, float)
-        if not np.isfinite(torque).all():
-            raise ValueError(f"the torques {torque} are not finite numbers")
+        mass = _symmetric(inertia, 2 * self.angles.shape)
+        torque, period = finite("the torque", torque, self.angles.shape), not_negative("the period", period)
         momentum = mass @ self.velocities + period * torque
         self.velocities = np.linalg.solve(mass + period * np.diag(self._damping), momentum)
         self.angles = self.angles + period * self.velocities
@@ -220,6 +236,14 @@ class TorqueResolver:
                 self.velocities = _stopped(self.velocities, mass, stopped)
             self.angles = inside
         return self.angles
+
+
+def _symmetric(inertia: Any, shape: tuple[int, ...]) -> Array:
+    """Return an inertia matrix after checks of its shape and values."""
+    matrix = finite("the inertia matrix", inertia, shape)
+    if np.abs(matrix - matrix.T).max(initial=0.0) > MAX_ASYMMETRY * np.abs(matrix).max(initial=0.0):
+        raise ValueError("the inertia matrix is not symmetric; some libraries fill one triangle only")
+    return matrix
 
 
 def _stopped(velocities: Array, mass: Array, stopped: BoolArray) -> Array:

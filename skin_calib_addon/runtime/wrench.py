@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..common.arrays import Array, unmasked
+from ..common.checks import not_negative, positive
 from .geometry import SkinGeometry
 from .modalities import distances_in, values_in
 from .plane import cross
@@ -79,7 +80,7 @@ def line_of_action(wrench: Array) -> tuple[Array, float] | None:
         \tau_\parallel = \frac{\mathbf{f} \cdot \boldsymbol{\tau}}{\lVert \mathbf{f} \rVert}
 
     These are eq. 6 to 9 of the paper without their 0/0. The paper leaves out the moment along the force, which a real
-    wrench has. None if the force is zero.
+    wrench has. None if the force is zero or not known (NaN).
     """
     force, moment = wrench[:3], wrench[3:]
     size = math.sqrt(float(force @ force))
@@ -109,8 +110,14 @@ def pressure_driven(wrench: Array, area: float, gain: float, min_area: float = M
         The area at which the wrench does not change [m^2].
     min_area : float
         Smaller areas count as this one [m^2].
+
+    Raises
+    ------
+    ValueError
+        If the gain or the minimum area is not positive and finite.
     """
-    return wrench * (gain / max(area, min_area))
+    factor = positive("gain", gain) / max(area, positive("min_area", min_area))
+    return np.asarray(wrench, float) * factor
 
 
 def distances_of(readings: Any, detection_range: float, full_scale: float) -> Array:
@@ -127,9 +134,15 @@ def distances_of(readings: Any, detection_range: float, full_scale: float) -> Ar
         Largest distance that a sensor detects [m].
     full_scale : float
         Reading at distance zero.
+
+    Raises
+    ------
+    ValueError
+        If the range or the reading at distance zero is not positive and finite.
     """
-    nearness = unmasked(readings) / full_scale
-    return np.where(nearness <= 0, np.inf, detection_range * (1 - np.minimum(nearness, 1.0)))
+    nearness = unmasked(readings) / positive("full_scale", full_scale)
+    span = positive("detection_range", detection_range)
+    return np.where(nearness <= 0, np.inf, span * (1 - np.minimum(nearness, 1.0)))
 
 
 def proximity_wrench(skin: SkinGeometry, distances: Any, detection_range: float, stiffness: float) -> Array:
@@ -155,8 +168,16 @@ def proximity_wrench(skin: SkinGeometry, distances: Any, detection_range: float,
         :math:`d_{\mathrm{range}}`, distance from which on there is no force [m].
     stiffness : float
         :math:`k` per area of skin [N/m^3].
+
+    Raises
+    ------
+    ValueError
+        If there is not one distance for each taxel, the range is not positive and finite, or the stiffness is negative
+        or not finite.
     """
-    distances = distances_in(distances)
+    positive("detection_range", detection_range)
+    not_negative("stiffness", stiffness)
+    distances = distances_in(distances, len(skin.areas))
     distances = np.where(np.isnan(distances), np.inf, distances)
     return (stiffness * skin.areas * np.clip(detection_range - distances, 0.0, detection_range)) @ skin.wrenches
 
@@ -176,14 +197,23 @@ def temperature_wrench(skin: SkinGeometry, temperatures: Any, limit: float, gain
     skin : SkinGeometry
         ``Skin.geometry``.
     temperatures : array, shape (n,), or ModalityValues
-        :math:`\kappa_i`, in the unit of ``limit``, such as ``frame.modalities["temperature"]``; NaN or masked if a
-        sensor has no reading.
+        :math:`\kappa_i`, in the unit of ``limit``, such as ``frame.modalities["temperature"]``; NaN, infinite or
+        masked if a sensor has no reading.
     limit : float
         Temperature up to which there is no force.
     gain : float
         :math:`k` per area of skin [N/(K m^2)].
+
+    Raises
+    ------
+    ValueError
+        If there is not one temperature for each taxel, the limit is not finite, or the gain is negative or not finite.
     """
-    above = np.nan_to_num(values_in(temperatures, "K", "degC") - limit, nan=0.0, posinf=0.0, neginf=0.0)
+    if not math.isfinite(limit):
+        raise ValueError(f"the limit {limit} of the temperature is not a finite number")
+    not_negative("gain", gain)
+    known = values_in(temperatures, len(skin.areas), "K", "degC")
+    above = np.nan_to_num(known - limit, nan=0.0, posinf=0.0, neginf=0.0)
     return (gain * skin.areas * np.maximum(above, 0.0)) @ skin.wrenches
 
 
@@ -205,11 +235,19 @@ def sole_wrench(touched: bool | None, real: Array, virtual: Array) -> Array:
 def lands_early(virtual: Array, threshold: float) -> bool:
     """Return whether near objects push a swinging foot so hard that it must stop (thesis eq. 4.31): ``|f_p| > eps``.
 
+    A force that is not known (NaN) does not stop it.
+
     Parameters
     ----------
     virtual : array, shape (6,)
         Of :func:`proximity_wrench` [N, N m].
     threshold : float
         eps [N].
+
+    Raises
+    ------
+    ValueError
+        If the threshold is negative or not finite.
     """
+    not_negative("threshold", threshold)
     return math.sqrt(float(virtual[:3] @ virtual[:3])) > threshold

@@ -143,16 +143,20 @@ def wrench_cone(polygon: Polygon, friction: float) -> Array | None:
     )
 
 
-def margin(rows: Array, wrench: Any) -> float:
+def margin(rows: Array | None, wrench: Any) -> float:
     """Return the smallest distance of a wrench to the rows of a cone: positive inside, -inf if it is not a number.
+
+    It is also -inf without a cone: no wrench is feasible at a contact without an area.
 
     Parameters
     ----------
-    rows : array, shape (r, 6)
+    rows : array, shape (r, 6), or None
         Of :func:`wrench_cone` or :func:`rectangle_cone`.
     wrench : array, shape (6,)
         [N, N m].
     """
+    if rows is None:
+        return -math.inf
     depth = -(rows @ np.asarray(wrench, float)).max()
     return float(depth) if not math.isnan(depth) else -math.inf
 

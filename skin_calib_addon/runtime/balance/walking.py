@@ -2,8 +2,8 @@ r"""Compute walking references of the linear inverted pendulum (thesis 4.1.3, 4.
 
 Symbols: CoM :math:`x`, divergent component of motion (DCM) :math:`\xi`, ZMP :math:`p`, virtual repellent point
 :math:`r`, step time :math:`T`, frequency :math:`\omega`. Points are arrays (..., d) [m] of two or three numbers in one
-frame; the third axis points up. The thesis prints eq. 4.14 and 4.15 with wrong signs. Here they are the solutions of
-eq. 4.12.
+frame; the third axis points up. What follows from a coordinate that is not known (NaN) is not known, either. The thesis
+prints eq. 4.14 and 4.15 with wrong signs. Here they are the solutions of eq. 4.12.
 """
 
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...common.arrays import Array, IntArray
+from ...common.checks import positive
 
 GRAVITY = 9.81  # [m/s^2] on Earth. Contract: the documented default
 
@@ -30,7 +31,7 @@ def pendulum_frequency(height: float, gravity: float = GRAVITY) -> float:
     ValueError
         If an argument is not positive and finite, as in all functions here; the message names the argument.
     """
-    return float(np.sqrt(_positive("gravity", gravity) / _positive("height", height)))
+    return float(np.sqrt(positive("gravity", gravity) / positive("height", height)))
 
 
 def divergent_component(position: Any, velocity: Any, omega: float) -> Array:
@@ -43,7 +44,7 @@ def divergent_component(position: Any, velocity: Any, omega: float) -> Array:
     omega : float
         [1/s].
     """
-    return _points("position", position) + _points("velocity", velocity) / _positive("omega", omega)
+    return _points("position", position) + _points("velocity", velocity) / positive("omega", omega)
 
 
 def com_velocity(position: Any, dcm: Any, omega: float) -> Array:
@@ -61,7 +62,7 @@ def com_velocity(position: Any, dcm: Any, omega: float) -> Array:
     array, shape (..., d)
         [m/s].
     """
-    return -_positive("omega", omega) * (_points("position", position) - _points("dcm", dcm))
+    return -positive("omega", omega) * (_points("position", position) - _points("dcm", dcm))
 
 
 def dcm_velocity(dcm: Any, repellent: Any, omega: float) -> Array:
@@ -81,7 +82,7 @@ def dcm_velocity(dcm: Any, repellent: Any, omega: float) -> Array:
     array, shape (..., d)
         [m/s].
     """
-    return _positive("omega", omega) * (_points("dcm", dcm) - _points("repellent", repellent))
+    return positive("omega", omega) * (_points("dcm", dcm) - _points("repellent", repellent))
 
 
 def repellent_points(footsteps: Any, height: float) -> Array:
@@ -96,7 +97,7 @@ def repellent_points(footsteps: Any, height: float) -> Array:
     """
     points = _points("footsteps", footsteps)
     lift = np.zeros(points.shape[-1])
-    lift[2:] = _positive("height", height)
+    lift[2:] = positive("height", height)
     return points + lift
 
 
@@ -123,7 +124,7 @@ def dcm_waypoints(repellents: Any, step_time: float, omega: float, last: Any = N
         Row i is the DCM at the end of step i, which is the start of the next step [m].
     """
     r = _steps("repellents", repellents)
-    decay = np.exp(-_positive("omega", omega) * _positive("step_time", step_time))
+    decay = np.exp(-positive("omega", omega) * positive("step_time", step_time))
     ends = np.empty_like(r)
     ends[-1] = r[-1] if last is None else _alike("last", last, r[-1])
     for i in range(len(r) - 2, -1, -1):
@@ -157,8 +158,8 @@ def dcm_reference(time: Any, repellents: Any, ends: Any, step_time: float, omega
     """
     r = _steps("repellents", repellents)
     xi = _alike("ends", ends, r)
-    i, within, _ = _in_step(time, len(r), _positive("step_time", step_time))
-    growth = np.exp(_positive("omega", omega) * (within - step_time))[..., None]
+    i, within, _ = _in_step(time, len(r), positive("step_time", step_time))
+    growth = np.exp(positive("omega", omega) * (within - step_time))[..., None]
     return r[i] + growth * (xi[i] - r[i])
 
 
@@ -181,7 +182,7 @@ def zmp_reference(time: Any, repellents: Any, ends: Any, step_time: float) -> Ar
     """
     r = _steps("repellents", repellents)
     xi = _alike("ends", ends, r)
-    i, _, after = _in_step(time, len(r), _positive("step_time", step_time))
+    i, _, after = _in_step(time, len(r), positive("step_time", step_time))
     return np.where((after > 0)[..., None], xi[-1], r[i])
 
 
@@ -216,7 +217,7 @@ def com_reference(time: Any, repellents: Any, ends: Any, start: Any, step_time: 
     """
     r = _steps("repellents", repellents)
     xi = _alike("ends", ends, r)
-    T, w = _positive("step_time", step_time), _positive("omega", omega)
+    T, w = positive("step_time", step_time), positive("omega", omega)
     decay, half = np.exp(-w * T), (xi - r) / 2
     starts = np.empty((len(r) + 1, r.shape[1]))
     starts[0] = _alike("start", start, r[0])
@@ -254,7 +255,7 @@ def desired_zmp(reference: Any, dcm_reference: Any, dcm: Any, gain: float, omega
     array, shape (..., d)
         :math:`p_d` [m].
     """
-    lead = 1 + _positive("gain", gain) / _positive("omega", omega)
+    lead = 1 + positive("gain", gain) / positive("omega", omega)
     return _points("reference", reference) - lead * (_points("dcm_reference", dcm_reference) - _points("dcm", dcm))
 
 
@@ -282,7 +283,7 @@ def zmp_tracking_velocity(zmp: Any, zmp_velocity: Any, desired: Any, gain: float
         [m/s].
     """
     off = _points("zmp", zmp) - _points("desired", desired)
-    return _points("zmp_velocity", zmp_velocity) + _positive("gain", gain) * off
+    return _points("zmp_velocity", zmp_velocity) + positive("gain", gain) * off
 
 
 def com_velocity_command(zmp: Any, desired: Any, com: Any, com_desired: Any, zmp_gain: float, com_gain: float) -> Array:
@@ -305,8 +306,8 @@ def com_velocity_command(zmp: Any, desired: Any, com: Any, com_desired: Any, zmp
     array, shape (..., d)
         [m/s].
     """
-    feedback = _positive("zmp_gain", zmp_gain) * (_points("zmp", zmp) - _points("desired", desired))
-    return feedback + _positive("com_gain", com_gain) * (_points("com_desired", com_desired) - _points("com", com))
+    feedback = positive("zmp_gain", zmp_gain) * (_points("zmp", zmp) - _points("desired", desired))
+    return feedback + positive("com_gain", com_gain) * (_points("com_desired", com_desired) - _points("com", com))
 
 
 def _in_step(time: Any, count: int, step_time: float) -> tuple[IntArray, Array, Array]:
@@ -338,9 +339,3 @@ def _alike(name: str, value: Any, like: Array) -> Array:
     if points.shape != like.shape:
         raise ValueError(f"{name} must have the shape {like.shape}, as the other points, not {points.shape}")
     return points
-
-
-def _positive(name: str, value: float) -> float:
-    if not 0 < value < np.inf:
-        raise ValueError(f"{name} must be positive and finite, not {value}")
-    return float(value)

@@ -88,3 +88,25 @@ def test_blend_starts_at_the_old_torque():
     steps = np.array([blended(before, now, t, 10) for t in np.linspace(0, 1, 1001)])
     assert np.abs(np.diff(steps, axis=0)).max() <= 4 * 10 * 1e-3  # step of the torque times rate times time
     assert (np.diff(steps[:, 0]) < 0).all()
+
+
+@pytest.mark.parametrize(
+    ("call", "problem"),
+    [
+        (lambda: Switch(10, 5, np.nan), "must be zero or more, not nan"),
+        (lambda: Switch(10, 5, -1), "must be zero or more, not -1"),
+        (lambda: Switch(10, 5, 0.1).update(3, np.nan), "time nan is not a finite number"),
+        (lambda: IntentionalContact(np.nan, 10, 0.2), "slow must be positive and finite, not nan"),
+        (lambda: IntentionalContact(0.02, 0, 0.2), "max_force must be positive and finite, not 0"),
+        (lambda: IntentionalContact(0.02, 10, 0), "patience must be positive and finite, not 0"),
+        (lambda: IntentionalContact(0.02, 10, 0.2).update(np.inf, 0, False, 3, 0), "time inf is not a finite number"),
+        (lambda: blended([1.0], [2.0], 0.1, -10), "rate must be positive and finite, not -10"),
+        (lambda: blended([1.0], [2.0], np.nan, 10), "time since the change is not a number"),
+        (lambda: blended([1.0], [2.0, 3.0], 0.1, 10), r"the torque now has shape \(2,\), expected \(1,\)"),
+        (lambda: blended([np.nan], [2.0], np.inf, 10), "the torque before has values that are not finite"),
+    ],
+)
+def test_wrong_values_of_reflexes_are_refused(call, problem):
+    """The robot pushed while it moved, changed its stage in each cycle, or got twice the old torque."""
+    with pytest.raises(ValueError, match=problem):
+        call()

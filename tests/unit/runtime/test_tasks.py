@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.runtime.tasks import TorqueResolver, attraction, contact_torques, prioritized
+from skin_calib_addon.runtime.tasks import MIN_MOBILITY, TorqueResolver, attraction, contact_torques, prioritized
 from skin_calib_addon.runtime.wrench import proximity_wrench, temperature_wrench
 from tests.soles import cell_patch, skin_of
 
@@ -80,7 +83,13 @@ def test_only_links_in_contact_need_a_jacobian():
         return np.ones((6, JOINTS))
 
     poses = dict.fromkeys("abcd", np.eye(4))
-    wrenches = {"a": np.zeros(6), "b": np.ones((3, 6)), "c": np.full(6, np.nan), "d": np.empty((0, 6))}
+    wrenches = {
+        "a": np.zeros(6),
+        "b": np.ones((3, 6)),
+        "c": np.full(6, np.nan),
+        "d": np.empty((0, 6)),
+        "no contacts": [],
+    }
     assert contact_torques(wrenches, poses, jacobian, JOINTS).shape == (3, JOINTS) and asked == ["b"]
     assert contact_torques({"a": np.zeros(6)}, {}, jacobian, JOINTS).shape == (0, JOINTS)
     with pytest.raises(ValueError, match=r"Jacobian of 'b' has shape \(6, 7\), expected \(6, 5\)"):
@@ -296,10 +305,22 @@ def test_resolver_stops_at_a_limit():
     assert resolver.step([-5.0, 0.0], np.eye(2), 1e-3)[0] < 0.1
 
 
+ONE, NAN = np.ones(6), np.full((6, 2), np.nan)
+
+
 @pytest.mark.parametrize(
     ("call", "problem"),
     [
         (lambda: attraction([0.0], [0.0], [1.0], 10.0, 0.0), "damping 0.0 must be above zero"),
+        (lambda: attraction([0.0], [0.0], [1.0], np.inf, 1.0), "stiffness inf and"),
+        (lambda: attraction([0.0], [0.0], [np.nan], 10.0, 1.0), "the goal has values that are not finite"),
+        (lambda: attraction([0.0], [0.0], [1.0, 1.0], 10.0, 1.0), r"the goal has shape \(2,\), expected \(1,\)"),
+        (lambda: contact_torques({"arm": ONE}, {"arm": np.eye(4)}, lambda _: NAN, 2), "Jacobian or the pose of 'arm'"),
+        (lambda: contact_torques({"arm": ONE}, {"arm": NAN[:4, :1]}, lambda _: NAN, 2), r"pose of 'arm' has shape \(4"),
+        (lambda: prioritized([([1.0, 1.0], np.ones((2, 1, 2)))], np.eye(2)), "does not fit 2 joints"),
+        (lambda: prioritized([([1.0, 1.0], 3.0)], np.eye(2)), "does not fit 2 joints"),
+        (lambda: prioritized([([1.0, 1.0], np.eye(2))], np.full((2, 2), np.nan)), "inertia matrix has values"),
+        (lambda: prioritized([([1.0, 1.0], np.eye(2))], [[2.0, 1.0], [0.0, 2.0]]), "one triangle only"),
         (lambda: attraction([0.0], [0.0], [1.0], 10.0, 1.0, -0.1), "speed -0.1 not below"),
         (lambda: contact_torques({"arm": None}, {}, pytest.fail, 2), r"wrench of 'arm' has shape \(\)"),
         (lambda: contact_torques({"arm": [1.0] * 12}, {}, pytest.fail, 2), r"wrench of 'arm' has shape \(12,\)"),
@@ -325,3 +346,39 @@ def test_resolver_keeps_its_state_if_a_torque_is_not_known():
     with pytest.raises(ValueError, match="not finite"):
         resolver.step([np.nan, 0.0], np.eye(2), 1e-3)
     assert np.array_equal(resolver.angles, angles) and np.array_equal(resolver.velocities, velocities)
+
+
+@pytest.mark.parametrize(
+    ("torque", "inertia", "period", "problem"),
+    [
+        (1.0, np.eye(2), 1e-3, r"torque has shape \(\), expected \(2,\)"),
+        ([[1.0], [1.0]], np.eye(2), 1e-3, r"torque has shape \(2, 1\)"),
+        ([1.0, 0.0], [1.0, 1.0], 1e-3, r"inertia matrix has shape \(2,\), expected \(2, 2\)"),
+        ([1.0, 0.0], np.full((2, 2), np.nan), 1e-3, "inertia matrix has values that are not finite"),
+        ([1.0, 0.0], [[2.0, 1.0], [0.0, 2.0]], 1e-3, "not symmetric"),
+        ([1.0, 0.0], np.eye(2), np.nan, "period must be zero or more and finite, not nan"),
+        ([1.0, 0.0], np.eye(2), -1e-3, "period must be zero or more"),
+    ],
+)
+def test_resolver_keeps_its_state_if_it_is_called_wrongly(torque, inertia, period, problem):
+    """One number moved all joints, half of a matrix gave another inertia, and NaN stayed in the angles for ever."""
+    resolver = TorqueResolver([0.1, 0.2], 1.0)
+    with pytest.raises(ValueError, match=problem):
+        resolver.step(torque, inertia, period)
+    np.testing.assert_array_equal(resolver.angles, [0.1, 0.2])
+    np.testing.assert_array_equal(resolver.velocities, [0.0, 0.0])
+
+
+@given(rows=arrays(float, (5, JOINTS), elements=st.sampled_from([-1.0, 0.0, 1e-9, 0.5, 2.0])), split=st.integers(0, 5))
+def test_singular_tasks_have_finite_torques_that_do_not_accelerate_higher_ones(rows, split):
+    """Rows of zeros, equal rows, and rows that depend on each other, in one task and in several."""
+    M, torques = inertia_matrix(6), np.random.default_rng(0).normal(size=(3, JOINTS))
+    tasks = list(zip(torques, (rows[:split], rows[split:], np.eye(JOINTS))))
+    total = prioritized(tasks, M)
+    assert np.isfinite(total).all()
+    inverse = np.linalg.inv(np.linalg.cholesky(M))
+    lower, scaled = inverse @ (total - torques[0]), rows[:split] @ inverse.T
+    sizes = np.linalg.norm(scaled, axis=1, keepdims=True)
+    directions = scaled[sizes[:, 0] > 0] / sizes[sizes > 0, None]
+    changes = np.linalg.norm(directions @ lower) / (np.linalg.norm(lower) + 1e-12)
+    assert changes <= 1.001 * MIN_MOBILITY + 1e-9

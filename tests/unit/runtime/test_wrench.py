@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.runtime import proximity, wrench
@@ -164,3 +165,42 @@ def test_unknown_wrench_stays_unknown(name):
     """A moved NaN wrench is NaN, not zero."""
     unknown = np.full(6, np.nan)
     assert np.isnan(getattr(wrench, name)(unknown, np.eye(4) if name == "carried" else np.ones(3))).all()
+
+
+SOLE = skin_of(sole_patch())
+
+
+@pytest.mark.parametrize(
+    ("call", "problem"),
+    [
+        (lambda: wrench.pressure_driven(np.ones(6), 1e-4, -1.0), "gain must be positive and finite, not -1.0"),
+        (lambda: wrench.pressure_driven(np.ones(6), 0.0, 1e-4, 0.0), "min_area must be positive and finite, not 0.0"),
+        (lambda: wrench.distances_of([9.0], 0.02, -255.0), "full_scale must be positive and finite, not -255.0"),
+        (lambda: wrench.distances_of([9.0], np.nan, 255.0), "detection_range must be positive and finite, not nan"),
+        (lambda: wrench.proximity_wrench(SOLE.geometry, 0.01, 0.02, 1e5), r"shape \(\) are not one for each of 42"),
+        (lambda: wrench.proximity_wrench(SOLE.geometry, [0.01], 0.02, 1e5), r"shape \(1,\) are not one for each"),
+        (lambda: wrench.proximity_wrench(SOLE.geometry, np.ones(42), -0.02, 1e5), "detection_range must be positive"),
+        (lambda: wrench.proximity_wrench(SOLE.geometry, np.ones(42), 0.02, -1e5), "stiffness must be zero or more"),
+        (lambda: wrench.temperature_wrench(SOLE.geometry, [90.0], 31.0, 10.0), r"shape \(1,\) are not one for each"),
+        (lambda: wrench.temperature_wrench(SOLE.geometry, np.ones(42), np.nan, 10.0), "limit nan of the temperature"),
+        (lambda: wrench.temperature_wrench(SOLE.geometry, np.ones(42), 31.0, -10.0), "gain must be zero or more"),
+        (lambda: wrench.lands_early(np.ones(6), np.nan), "threshold must be zero or more and finite, not nan"),
+        (lambda: proximity.preemptive_polygon(SOLE.ground, [0.0], 0.01), r"shape \(1,\) are not one for each of 42"),
+    ],
+)
+def test_wrong_values_of_virtual_wrenches_are_refused(call, problem):
+    """They attracted, gave NaN, left heat without a force, or took one distance for all taxels."""
+    with pytest.raises(ValueError, match=problem):
+        call()
+
+
+@given(
+    distances=arrays(float, 42, elements=st.sampled_from([-np.inf, -0.1, 0.0, 0.01, 0.02, 0.5, np.inf, np.nan])),
+    hidden=arrays(bool, 42),
+)
+def test_virtual_springs_lift_a_sole_by_no_more_than_all_of_them(distances, hidden):
+    """Whatever the sensors deliver: no attraction, no NaN, and masked ones have no effect."""
+    lifted = wrench.proximity_wrench(SOLE.geometry, np.ma.array(distances, mask=hidden), 0.02, 1e5)
+    assert 0 <= lifted[2] <= 1e5 * 0.02 * SOLE.areas.sum() * (1 + 1e-9) and np.isfinite(lifted).all()
+    distances[hidden] = np.nan
+    np.testing.assert_array_equal(lifted, wrench.proximity_wrench(SOLE.geometry, distances, 0.02, 1e5))

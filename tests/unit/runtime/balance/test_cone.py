@@ -161,5 +161,6 @@ def test_rectangles_need_an_area(low, high):
 
 @pytest.mark.parametrize("points", [[], [(1, 2)], [(1, 2), (3, 4)]])
 def test_what_has_no_area_has_no_cone(points):
-    """A polygon without an area has no rows."""
-    assert wrench_cone(convex_hull(points), 0.5) is None
+    """A polygon without an area has no rows, and no wrench is feasible there, as in the air."""
+    rows = wrench_cone(convex_hull(points), 0.5)
+    assert rows is None and margin(rows, np.zeros(6)) == -np.inf

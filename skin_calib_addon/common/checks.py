@@ -1,0 +1,73 @@
+"""Check the arguments of functions that a controller calls: a wrong one must not become a wrong force."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from .arrays import Array
+
+
+def finite(name: str, value: Any, shape: tuple[int, ...]) -> Array:
+    """Return numbers in double precision.
+
+    Parameters
+    ----------
+    name : str
+        For the message, such as ``"the torque"``.
+    value : array
+        To be checked.
+    shape : tuple of int
+        That it must have; nothing is broadcast.
+
+    Raises
+    ------
+    ValueError
+        If it has another shape, or a number that is not finite.
+    """
+    array = np.asarray(value, float)
+    if array.shape != shape:
+        raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} has values that are not finite numbers")
+    return array
+
+
+def positive(name: str, value: float) -> float:
+    """Return a number.
+
+    Parameters
+    ----------
+    name : str
+        For the message.
+    value : float
+        To be checked.
+
+    Raises
+    ------
+    ValueError
+        If it is not positive and finite.
+    """
+    if not 0 < value < math.inf:
+        raise ValueError(f"{name} must be positive and finite, not {value}")
+    return float(value)
+
+
+def not_negative(name: str, value: float) -> float:
+    """Return a number.
+
+    Parameters
+    ----------
+    name : str
+        For the message.
+    value : float
+        To be checked.
+
+    Raises
+    ------
+    ValueError
+        If it is below zero or not finite.
+    """
+    if not 0 <= value < math.inf:
+        raise ValueError(f"{name} must be zero or more and finite, not {value}")
+    return float(value)
