@@ -72,7 +72,7 @@ def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Resu
 def main() -> None:
     """Run all cases; print a table; draw."""
     parser = arguments(__doc__)
-    parser.add_argument("--steps", type=whole, default=50)
+    parser.add_argument("--steps", type=whole, default=50, help="of a walk")
     parser.add_argument("--width", type=positive, default=0.08, help="of the beam [m]")
     given = parser.parse_args()
     cases = [Case(feels, given.width, given.steps, seed) for feels in (False, True) for seed in range(given.seeds)]

@@ -16,6 +16,8 @@ from biped import Biped
 from PIL import Image
 from tqdm import tqdm
 
+from skin_calib_addon.common.interruptions import handled
+
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "out" / "control"
 PAGE, ARM_PAGE = (ROOT / "docs" / "explanation" / name for name in ("control.md", "arm.md"))
@@ -70,7 +72,9 @@ def arguments(
     seeds : int
         Number of runs of each case, unless ``--seeds`` gives another one.
     """
-    parser = argparse.ArgumentParser(description=description.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        description=description.splitlines()[0], formatter_class=argparse.ArgumentDefaultsHelpFormatter
+    )
     parser.add_argument("--seeds", type=whole, default=seeds, help="number of runs with different noise")
     parser.add_argument("--jobs", type=whole, default=os.cpu_count() or 1, help="processes")
     parser.add_argument("--out", type=folder, default=str(OUT), help="folder of figures and animations")
@@ -97,7 +101,9 @@ def _mapped(work: Callable[[Any], Any], cases: Sequence[Any], jobs: int) -> Iter
     if jobs == 1:
         yield map(work, cases)
     else:
-        with get_context("spawn").Pool(jobs, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
+        with handled(signal.SIG_IGN, signal.SIGINT):  # which the processes inherit: this one alone reports Ctrl+C
+            pool = get_context("spawn").Pool(jobs)
+        with pool:
             yield pool.imap(work, cases)
 
 

@@ -90,7 +90,7 @@ def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Resu
 def main() -> None:
     """Run all cases; print a table; draw."""
     parser = arguments(__doc__)
-    parser.add_argument("--steps", type=whole, default=2)
+    parser.add_argument("--steps", type=whole, default=2, help="of a walk")
     given = parser.parse_args()
     cases = [Case(*kind, given.steps, seed) for kind in CASES for seed in range(given.seeds)]
     found = run_all(run, cases, given)

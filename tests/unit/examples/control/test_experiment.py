@@ -1,6 +1,7 @@
 """Options, tables and their places in the documentation, which all experiments have in common."""
 
 import importlib
+import signal
 from types import SimpleNamespace
 
 import pytest
@@ -70,3 +71,28 @@ def test_bad_option_is_one_message(script, words, problem, tmp_path, monkeypatch
     with pytest.raises(SystemExit) as ended:
         module.main()
     assert ended.value.code == 2 and problem.format(**names) in capsys.readouterr().err
+
+
+def test_processes_of_an_experiment_ignore_ctrl_c_from_their_start(monkeypatch):
+    """They printed tracebacks if it came while they started; the main process reports it, and goes on to do so."""
+    import experiment
+
+    seen = []
+
+    class Pool:
+        def __init__(self, jobs):
+            seen.append((jobs, signal.getsignal(signal.SIGINT)))
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            seen.append(signal.getsignal(signal.SIGINT))
+
+        def imap(self, work, cases):
+            return map(work, cases)
+
+    monkeypatch.setattr(experiment, "get_context", lambda _: SimpleNamespace(Pool=Pool))
+    before = signal.getsignal(signal.SIGINT)
+    assert experiment.run_all(abs, [-1, 2], SimpleNamespace(write=False, jobs=3)) == [1, 2]
+    assert seen == [(3, signal.SIG_IGN), before]
