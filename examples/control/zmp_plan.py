@@ -19,7 +19,7 @@ class ZmpPlan:
     r"""A ZMP that is linear in each section, and the DCM that ends at its last point.
 
     In a section in which the ZMP moves with the velocity :math:`v`, the solution of
-    :math:`\dot\xi = \omega (\xi - p)` (thesis eq. 4.9) is
+    :math:`\dot\xi = \omega (\xi - p)` (thesis eq. 4.12) is
 
     .. math::
         \xi(t) = p(t) + \frac{v}{\omega} + e^{\omega (t - T)} \left( \xi(T) - p(T) - \frac{v}{\omega} \right)
