@@ -1,5 +1,6 @@
 """Settings of all tests: no clock decides, and arithmetic that goes wrong is an error, not a warning."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -7,6 +8,8 @@ import pytest
 from hypothesis import settings
 
 from tests.examples import FULL
+
+os.environ.setdefault("MUJOCO_GL", "egl")  # as biped.py does, before any test imports mujoco: without a display
 
 settings.register_profile("quick", deadline=None, max_examples=12, derandomize=True)
 settings.register_profile("full", deadline=None, max_examples=FULL, derandomize=True)

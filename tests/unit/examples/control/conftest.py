@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 FOLDER = Path(__file__).parents[4] / "examples" / "control"
@@ -20,6 +21,30 @@ def scripts(monkeypatch):
     for name in MODULES & sys.modules.keys():
         del sys.modules[name]
     sys.modules.update(kept)
+
+
+@pytest.fixture
+def frames(monkeypatch):
+    """Reads an animation: (k, height, width, 3); of each cycle that is filmed there is a frame."""
+    import arm
+    import experiment
+    import mujoco
+    import planar_arm
+    from biped import PERIOD
+    from PIL import Image
+
+    try:
+        mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8).close()
+    except Exception as error:  # of any library for OpenGL
+        pytest.skip(f"no pictures can be rendered here: {error}")
+    for module in (experiment, arm, planar_arm):
+        monkeypatch.setattr(module, "FRAME_TIME", PERIOD)
+
+    def read(path):
+        with Image.open(path) as film:
+            return np.stack([np.asarray(film.convert("RGB"), int) for k in range(film.n_frames) if not film.seek(k)])
+
+    return read
 
 
 @pytest.fixture

@@ -41,3 +41,22 @@ def test_heat_and_pain_have_priority_over_the_hand():
     assert first["heat"].max() - HEAT_LIMIT < 0.5 * (hand["heat"].max() - HEAT_LIMIT)
     pain = run(Case("pain", "small", 0), duration=3.0)
     assert 2 < pain.pain_force < 10
+
+
+def test_animation_shows_hot_pads_in_red(frames, tmp_path):
+    """In the right half they have the temperature at which a pad is red."""
+    from arm import SHOWN_HOT, Arm, Case, film
+
+    def cold(look):
+        look(Arm(Case("heat", "first", 0)))
+
+    def hot(look):
+        arm = Arm(Case("heat", "first", 0))
+        arm.heat[:] = SHOWN_HOT
+        look(arm)
+
+    film([cold, hot], tmp_path / "arm.gif")
+    (picture,) = frames(tmp_path / "arm.gif")
+    red = (picture[..., 0] > 1.7 * picture[..., 1]) & (picture[..., 2] < 40)  # the burner is a little blue
+    left, right = np.hsplit(red, 2)
+    assert left.sum() < 10 and right.sum() > 300

@@ -96,3 +96,28 @@ def test_processes_of_an_experiment_ignore_ctrl_c_from_their_start(monkeypatch):
     before = signal.getsignal(signal.SIGINT)
     assert experiment.run_all(abs, [-1, 2], SimpleNamespace(write=False, jobs=3)) == [1, 2]
     assert seen == [(3, signal.SIG_IGN), before]
+
+
+def test_animation_has_two_runs_next_to_each_other_the_shorter_of_which_stands_still(frames, tmp_path):
+    """A robot that is lifted, in three and in five frames."""
+    import mujoco
+    from biped import PERIOD, Biped
+    from experiment import SIZE, film_both
+
+    robot = Biped(proximity=False)
+
+    def lifted(count):
+        def run(each):
+            for k in range(count):
+                robot.data.time, robot.data.qpos[2] = k * PERIOD, 0.9 + 0.2 * k
+                mujoco.mj_kinematics(robot.model, robot.data)
+                each(robot)
+
+        return run
+
+    film_both([lifted(3), lifted(5)], tmp_path / "film" / "both.gif", azimuth=90)
+    film = frames(tmp_path / "film" / "both.gif")
+    assert film.shape == (5, SIZE[0], 2 * SIZE[1], 3)
+    left, right = film[:, :, : SIZE[1]], film[:, :, SIZE[1] :]
+    changes = [[int((abs(a - b) > 20).any(axis=-1).sum()) for a, b in zip(half, half[1:])] for half in (left, right)]
+    assert min(changes[1]) > 500 and min(changes[0][:2]) > 500 and changes[0][2:] == [0, 0]
