@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from biped import COUNTS, FULL_SCALE, NOISE, OFFSET, REST, TERRAIN_GROUP, TIME_STEP, build, mujoco, nominal, skins
-from experiment import ARM_PAGE, FRAME_TIME, Camera, arguments, count, report, run_all, side_by_side, spread
+from biped import FULL_SCALE, NOISE, REST, TERRAIN_GROUP, TIME_STEP, build, force_counts, mujoco, nominal, skins
+from experiment import ARM_PAGE, FRAME_TIME, Camera, arguments, by_kind, count, report, run_all, side_by_side, spread
 from PIL import Image
 from shapes import ELBOW_RADIUS, FOREARM_LENGTH, RANGE, RANGE_COUNTS, WRIST_RADIUS
 
@@ -189,8 +189,8 @@ class Arm:
             self.model.opt.disableflags = 0 if k == substeps - 1 else mujoco.mjtDisableBit.mjDSBL_SENSOR
             mujoco.mj_step(self.model, self.data)
 
-    def senses(self) -> tuple[float, Array, Array, dict[str, dict[str, Array]], Array]:
-        """Return time, angles and velocities of the arm, readings of its skins, temperatures of the taxels [degC].
+    def senses(self) -> tuple[float, Array, dict[str, dict[str, Array]], Array]:
+        """Return time, angles of the arm, readings of its skins, temperatures of the taxels [degC].
 
         The skin of the first link alone has distances and temperatures.
         """
@@ -200,12 +200,10 @@ class Arm:
             force[skin.channels] = self.data.sensordata[self._touch[link]]
             readings[link] = {"force": self._counts(force)}
         readings[self.robot.link]["proximity"] = self._proximity()
-        q, qd = self.data.qpos[-JOINTS:].copy(), self.data.qvel[-JOINTS:].copy()
-        return self.data.time, q, qd, readings, self._temperatures()
+        return self.data.time, self.data.qpos[-JOINTS:].copy(), readings, self._temperatures()
 
     def _counts(self, force: Array) -> Array:
-        noisy = OFFSET + force * COUNTS / FULL_SCALE + self.rng.normal(0, NOISE, force.shape)
-        return np.clip(np.rint(noisy), 0, COUNTS)
+        return force_counts(force, FULL_SCALE, self.rng.normal(0, NOISE, force.shape))
 
     def _proximity(self) -> Array:
         group, found = np.zeros(6, np.uint8), np.zeros(1, np.int32)
@@ -335,7 +333,7 @@ class Controller:
         self.felt = {link: np.zeros(6) for link in skins}  # mean wrench of each link
 
     def __call__(
-        self, time: float, q: Array, qd: Array, readings: dict[str, dict[str, Array]], heat: Array
+        self, time: float, q: Array, readings: dict[str, dict[str, Array]], heat: Array
     ) -> tuple[Array, Array]:
         """Return angles and torques of the servos, (7,) each [rad, N m]."""
         model, data, resolver = self.model, self.data, self.resolver
@@ -361,10 +359,7 @@ class Controller:
         contacts = {link: wrench for link, wrench in self.felt.items() if np.linalg.norm(wrench[:3]) > MIN_FORCE}
         self.virtual = float(np.linalg.norm(contacts.get(self.link, np.zeros(6))[:3]))
         self.area = frame.area
-        posture = (
-            POSTURE[kind] * (self.start - resolver.angles),
-            np.eye(JOINTS),
-        )
+        posture = POSTURE[kind] * (self.start - resolver.angles), np.eye(JOINTS)
         hand = self._hand()
         if kind in ("contacts", "links"):
             if variant == "one link":
@@ -616,7 +611,7 @@ def main() -> None:
     kinds = [(kind, variant) for kind, variants in VARIANTS.items() for variant in variants]
     cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
     found = run_all(run, cases, given)
-    results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
+    results = by_kind(kinds, found, given)
     rows = [
         (TITLES[kind], variant, THESIS.get((kind, variant), ""), numbers(kind, results[kind, variant]))
         for kind, variant in kinds
@@ -626,7 +621,6 @@ def main() -> None:
     if not given.no_animation:
         shown = [Case("heat", variant, 0) for variant in ("hand only", "first")]
         film([lambda each, case=case: run(case, each) for case in shown], given.out / "arm.gif")
-    print(f"diagram and animation in {given.out}")
 
 
 if __name__ == "__main__":

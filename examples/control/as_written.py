@@ -13,7 +13,7 @@ from typing import Any
 import footholds
 import landing
 import numpy as np
-from experiment import arguments, count, report, run_all, spread
+from experiment import arguments, by_kind, count, report, run_all, spread
 from foothold import Foothold, full_sole
 from shapes import PITCH
 from walker import Proximity
@@ -102,8 +102,8 @@ def main() -> None:
     kinds = [(name, rule) for name in EXPERIMENTS for rule in RULES]
     found = run_all(run, [case for kind in kinds for case in cases_of(*kind, range(given.seeds))], given)
     rows = [
-        (EXPERIMENTS[name], rule, *texts(name, found[k * given.seeds : (k + 1) * given.seeds]))
-        for k, (name, rule) in enumerate(kinds)
+        (EXPERIMENTS[name], rule, *texts(name, results))
+        for (name, rule), results in by_kind(kinds, found, given).items()
     ]
     report(given, ("experiment", "rule", "stands", "steps", "impact [N]", "touch-down [s]"), rows)
 

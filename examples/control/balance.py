@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import FLAT, PERIOD, Biped, Faults
-from experiment import arguments, film_both, report, run_all, spread
+from experiment import arguments, by_kind, distances, film_both, report, run_all, spread
 from walker import Gains, Walker
 
 BEAM = """
@@ -161,16 +161,15 @@ def main() -> None:
     kinds = [(ground, source) for ground in GROUND for source in SOURCES]
     cases = {kind: [Case(*kind, seed) for seed in range(given.seeds)] for kind in kinds}
     found = run_all(run, [case for kind in kinds for case in cases[kind]], given)
-    results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
+    results = by_kind(kinds, found, given)
     rows = []
     for (ground, source), searches in results.items():
-        apart = 1e3 * np.concatenate([search.apart for search in searches])
         rows.append(
             (
                 ground,
                 LABELS[source].removeprefix("ZMP by "),
                 f"{spread([search.survived for search in searches], 1)}, steps of {RESOLUTION:g}",
-                f"{np.nanmean(apart):.1f} / {np.nanpercentile(apart, 95):.1f} / {np.nanmax(apart):.1f}",
+                distances(search.apart for search in searches),
                 spread([1e3 * search.moved for search in searches]),
             )
         )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import PERIOD, Biped
 from diagrams import ASSUMED, draw_walks
-from experiment import arguments, film_both, positive, report, run_all, stands_and_steps, whole
+from experiment import arguments, by_kind, film_both, positive, report, run_all, stands_and_steps, whole
 from shapes import FORWARD
 from walker import OTHER, Gait, Step, Walker, walk
 
@@ -79,8 +79,7 @@ def main() -> None:
     found = run_all(run, cases, given)
     print(f"beam of {1e3 * given.width:.0f} mm under soles of 200 mm, {1e3 * OFFSET:.0f} mm from their middle")
     rows = []
-    for k, assumed in enumerate(("the full sole", "what is felt")):
-        runs = found[k * given.seeds : (k + 1) * given.seeds]
+    for assumed, runs in by_kind(("the full sole", "what is felt"), found, given).items():
         rows.append((assumed, *stands_and_steps(runs)))
     report(given, ("assumed", "stands", f"steps of {given.steps}"), rows)
     films = [

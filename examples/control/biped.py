@@ -218,6 +218,21 @@ def build(terrain: str = FLAT, friction: float = 0.7, covered: tuple[str, ...] =
     return spec.compile()
 
 
+def normal_forces(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Return the sum of the normal forces on each geom [N]."""
+    rows, forces = data.contact.efc_address, data.efc_force
+    normal = np.where(rows >= 0, forces[rows], 0.0) if len(forces) else np.zeros(len(rows))
+    return np.bincount(data.contact.geom.ravel(), np.repeat(normal, 2), model.ngeom)
+
+
+def force_counts(force: Array, full_scale: float, noise: Array) -> Array:
+    """Return the readings (n,) of taxels with 12 bits [count], for forces (n,) [N] and noise (n,) [count].
+
+    The highest count is that of the force ``full_scale`` [N].
+    """
+    return np.clip(np.rint(OFFSET + force * COUNTS / full_scale + noise), 0, COUNTS)
+
+
 def proximity_counts(model: mujoco.MjModel, data: mujoco.MjData, sites: Array, body: str, noise: Array) -> Array:
     """Return the readings (n,) of proximity sensors at sites of a body [count]; zero if no terrain is in range.
 
@@ -317,7 +332,7 @@ class Biped:
         self._pads = {name: self._geoms_of(f"{name}/{LINKS[name]}") for name in covered}
         self._near = {name: self._sensors_of_proximity(name) for name in covered if proximity}
         self._late: deque[tuple[dict[str, dict[str, Array]], dict[str, Array]]] = deque(maxlen=faults.latency + 1)
-        self._kept: Array | None = None  # reading at which the left sole froze
+        self._kept: dict[str, Array] | None = None  # reading at which the left sole froze
         for skin in self.body.skins.values():
             skin.tare(np.stack([self._counts(np.zeros(skin.reading_length)) for _ in range(REST)]))
         self._sensitivities = {
@@ -350,13 +365,13 @@ class Biped:
         for _ in range(round(self.period / TIME_STEP)):
             mujoco.mj_step(self.model, self.data)
             for foot in self.peaks:
-                load = self._normal_forces()[self._pads[f"{foot}_foot"]].sum()
+                load = normal_forces(self.model, self.data)[self._pads[f"{foot}_foot"]].sum()
                 self.peaks[foot] = max(self.peaks[foot], float(load))
 
     def senses(self) -> Senses:
         """Return what the sensors deliver now."""
         data = self.data
-        forces = self._normal_forces()
+        forces = normal_forces(self.model, self.data)
         self._late.append(({name: self._reading(name, forces) for name in self._pads}, self._ankles()))
         rotation = np.zeros(9)
         mujoco.mju_quat2Mat(rotation, data.sensor("orientation").data)
@@ -392,17 +407,17 @@ class Biped:
         skin = self.body.skins[name]
         force = np.zeros(skin.reading_length)
         force[skin.channels] = forces[self._pads[name]]
-        counts = self._counts(force * self._sensitivities[name])
+        reading = {"force": self._counts(force * self._sensitivities[name])}
+        if name in self._near:
+            reading["proximity"] = self._proximity(name)
         if name == "left_foot" and self._is_faulty:
-            counts[skin.channels[list(self.faults.dead)]] = 0
+            reading["force"][skin.channels[list(self.faults.dead)]] = 0
             if self.faults.is_frozen:
-                self._kept = counts if self._kept is None else self._kept
-                counts = self._kept
-        return {"force": counts} | ({"proximity": self._proximity(name)} if name in self._near else {})
+                reading = self._kept = self._kept or reading
+        return reading
 
     def _counts(self, force: Array) -> Array:
-        noisy = OFFSET + force * COUNTS / FULL_SCALE + self.rng.normal(0, self._noise, force.shape)
-        return np.clip(np.rint(noisy), 0, COUNTS)
+        return force_counts(force, FULL_SCALE, self.rng.normal(0, self._noise, force.shape))
 
     def _sensors_of_proximity(self, name: str) -> tuple[Array, Array]:
         """Return channels and sites of the proximity sensors."""
@@ -422,18 +437,7 @@ class Biped:
         k = self.model.body(body).id
         return slice(self.model.body_geomadr[k], self.model.body_geomadr[k] + self.model.body_geomnum[k])
 
-    def _normal_forces(self) -> Array:
-        """Return the sum of the normal forces on each geom [N]."""
-        contacts, forces = self.data.contact, self.data.efc_force
-        rows = contacts.efc_address
-        normal = np.where(rows >= 0, forces[rows], 0.0) if len(forces) else np.zeros(len(rows))
-        return np.bincount(contacts.geom.ravel(), np.repeat(normal, 2), self.model.ngeom)
-
     # The truth, which is for judging a controller, not for one.
-
-    def true_load(self, foot: str) -> float:
-        """Return the force of the ground on a foot [N]."""
-        return float(self._contact_wrench(foot)[2])
 
     def true_zmp(self) -> Array:
         """Return the point (2,) of the plane z = 0 about which the contacts of both feet have no moment along it."""

@@ -117,6 +117,17 @@ def spread(values: Iterable[float], digits: int = 0) -> str:
     return mean if low == high else f"{mean} ({low} to {high})"
 
 
+def distances(groups: Iterable[Array]) -> str:
+    """Return mean, 95 % and maximum of all distances of some runs [m] as text [mm]."""
+    far = 1e3 * np.concatenate(list(groups))
+    return f"{np.nanmean(far):.1f} / {np.nanpercentile(far, 95):.1f} / {np.nanmax(far):.1f}"
+
+
+def by_kind(kinds: Iterable[Any], results: Sequence[Any], given: argparse.Namespace) -> dict[Any, list[Any]]:
+    """Return the results of each kind of case, which follow each other, with all seeds of one kind."""
+    return {kind: list(results[k * given.seeds : (k + 1) * given.seeds]) for k, kind in enumerate(kinds)}
+
+
 def count(flags: Iterable[bool]) -> str:
     """Return how many of the flags are true, as text."""
     flags = list(flags)

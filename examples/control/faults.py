@@ -15,7 +15,7 @@ from math import ceil
 import numpy as np
 from biped import NOISE, PERIOD, Biped, Faults
 from diagrams import draw_walks
-from experiment import arguments, film_both, report, run_all, spread, stands_and_steps, whole
+from experiment import arguments, by_kind, film_both, report, run_all, spread, stands_and_steps, whole
 from shapes import SOLE_CELLS
 from walker import Walker, forward_steps, walk
 
@@ -94,7 +94,7 @@ def main() -> None:
     given = parser.parse_args()
     cases = [Case(*kind, given.steps, seed) for kind in CASES for seed in range(given.seeds)]
     found = run_all(run, cases, given)
-    results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(CASES)}
+    results = by_kind(CASES, found, given)
     rows = []
     for name in FAULTS:
         row = [name]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import FLAT, PERIOD, Biped
 from diagrams import ASSUMED, draw_walks
-from experiment import arguments, film_both, report, run_all, spread, stands_and_steps
+from experiment import arguments, by_kind, film_both, report, run_all, spread, stands_and_steps
 from foothold import Foothold, full_sole
 from shapes import HALF_SIZE
 from walker import Gait, Walker, forward_steps, walk
@@ -104,10 +104,10 @@ def main() -> None:
     given = arguments(__doc__).parse_args()
     kinds = [(scene, feels) for scene in SCENES for feels in (False, True)]
     cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
-    found = run_all(run, cases, given)
+    results = by_kind(kinds, run_all(run, cases, given), given)
     rows = []
-    for k, scene in enumerate(SCENES):
-        full, felt = (found[j * given.seeds : (j + 1) * given.seeds] for j in (2 * k, 2 * k + 1))
+    for scene in SCENES:
+        full, felt = results[scene, False], results[scene, True]
         rows.append((scene, *stands_and_steps(full, felt), spread([100 * r.area for r in felt])))
     heads = (
         "foothold",

@@ -31,10 +31,11 @@ from biped import (
     TIME_STEP,
     TORQUE_NOISE,
     mujoco,
+    normal_forces,
     proximity_counts,
 )
 from estimator import ground_wrenches
-from experiment import arguments, film_both, report, run_all, spread
+from experiment import arguments, by_kind, distances, film_both, report, run_all, spread
 from legs import rotation
 from shapes import RANGE, RANGE_COUNTS
 from zmp_plan import Reference
@@ -127,14 +128,16 @@ def with_g1(parser: argparse.ArgumentParser, links: tuple[str, ...] = ()) -> arg
 
 
 def propose(urdf: Path, folder: Path, links: tuple[str, ...] = FEET) -> None:
-    """Propose and fit the skins of links, if this has not been done; ends the program where there is no robot."""
+    """Propose and fit the skins of links; ends the program where there is no robot.
+
+    Skins in the folder are replaced: they can be those of another robot, or of an earlier version of the program.
+    """
     if not urdf.exists():
         print(f"skipped: the URDF of the G1 is not at {urdf}. Name it with --urdf.")
         raise SystemExit
-    if not (folder / "robot.json").exists():
-        words = ["fit", str(urdf), "--propose", "-o", str(folder), "--skin", SKIN]
-        if skin_calib([*words, *(word for link in links for word in ("--only", link))]):
-            raise SystemExit("the skins could not be fitted; see above")
+    words = ["fit", str(urdf), "--propose", "--again", "-o", str(folder), "--skin", SKIN]
+    if skin_calib([*words, *(word for link in links for word in ("--only", link))]):
+        raise SystemExit("the skins could not be fitted; see above")
 
 
 def skeleton(urdf: Path, is_shown: bool = False) -> mujoco.MjSpec:
@@ -324,10 +327,10 @@ class G1:
     def senses(self) -> Senses:
         """Return what the sensors deliver; skins and ankles are one cycle late."""
         data, normal, readings = self.data, self.rng.normal, {}
-        normal_forces = self._normal_forces()
+        on_geoms = normal_forces(self.model, data)
         for foot, skin in self.body.skins.items():
             forces = np.zeros(skin.reading_length)
-            forces[skin.channels] = normal_forces[self.cells[foot]]
+            forces[skin.channels] = on_geoms[self.cells[foot]]
             readings[foot] = {"force": self._noisy(forces)}
         for foot, sites in self.near.items():
             noise = normal(0, NOISE, len(sites))
@@ -350,13 +353,8 @@ class G1:
         for _ in range(round(self.period / TIME_STEP)):
             mujoco.mj_step(self.model, self.data)
             for foot in self.peaks:
-                load = float(self._normal_forces()[self.cells[foot]].sum())
+                load = float(normal_forces(self.model, self.data)[self.cells[foot]].sum())
                 self.peaks[foot] = max(self.peaks[foot], load)
-
-    def _normal_forces(self) -> Array:
-        """Return the sum of the normal forces on each geom [N]."""
-        contacts, forces = self.data.contact, self.data.efc_force
-        return np.bincount(contacts.geom.ravel(), np.repeat(forces[contacts.efc_address], 2), self.model.ngeom)
 
     def _noisy(self, forces: Array) -> Array:
         step = FULL_SCALE / COUNTS  # of 12 bits [N]
@@ -573,13 +571,12 @@ def main() -> None:
     kinds = [(ground, source) for ground in GROUND for source in SOURCES]
     cases = {kind: [Case(given.urdf, folder, *kind, seed) for seed in range(given.seeds)] for kind in kinds}
     found = run_all(run, [case for kind in kinds for case in cases[kind]], given)
-    results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
+    results = by_kind(kinds, found, given)
     rows = []
     for (ground, source), runs in results.items():
         texts = []
         for name in ("apart", "off"):
-            far = 1e3 * np.concatenate([getattr(r, name) for r in runs])
-            texts.append(f"{np.nanmean(far):.1f} / {np.nanpercentile(far, 95):.1f} / {np.nanmax(far):.1f}")
+            texts.append(distances(getattr(r, name) for r in runs))
         used = LABELS[source].removeprefix("ZMP by ")
         rows.append((ground, used, f"{spread([r.survived for r in runs], 1)}, steps of {RESOLUTION:g}", *texts))
     distance = "mean / 95 % / maximum [mm]"

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from biped import PERIOD
-from experiment import arguments, count, film_both, positive, report, run_all, spread, whole
+from experiment import arguments, by_kind, count, film_both, positive, report, run_all, spread, whole
 from g1 import FEET, G1, Balancer, Box, Senses, Terrain, propose, with_g1
 from landing import HEIGHT, LIFTS, Impact, Judge, draw, ratio
 from walker import Gait, Proximity, descent, quintic
@@ -189,7 +189,7 @@ def main() -> None:
         for seed in range(given.seeds)
     ]
     found = run_all(run, cases, given)
-    results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
+    results = by_kind(kinds, found, given)
     robot = G1(given.urdf, folder, 0)
     impacts, rows = by_place(results, -robot.sole), []
     for (place, proximity), landings in impacts.items():

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import TIME_STEP, Biped, mujoco
 from estimator import SOLE_CENTRE
-from experiment import arguments, report, run_all, spread
+from experiment import arguments, by_kind, report, run_all, spread
 from landing import LIFTS, OBSTACLE_STEPS, Case, Impact, Judge
 from landing import run as land
 
@@ -105,7 +105,7 @@ def main() -> None:
         for seed in range(given.seeds)
     ]
     found = run_all(run, cases, given)
-    parts = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
+    parts = by_kind(kinds, found, given)
     results = {
         (place, near): [
             one

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import FEET, FLAT, PERIOD, Biped, mujoco
 from estimator import SOLE_CENTRE
-from experiment import arguments, count, film_both, positive, report, run_all, spread, whole
+from experiment import arguments, by_kind, count, film_both, positive, report, run_all, spread, whole
 from shapes import HALF_SIZE
 from walker import Gait, Proximity, Walker, forward_steps, walk
 
@@ -204,7 +204,7 @@ def main() -> None:
     kinds = [(ground, proximity) for ground in LIFTS for proximity in (False, True)]
     cases = [Case(*kind, steps[kind[0]], given.speed, seed) for kind in kinds for seed in range(given.seeds)]
     found = run_all(run, cases, given)
-    results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
+    results = by_kind(kinds, found, given)
     weight = float(Biped().model.body_subtreemass[0] * 9.81)
     impacts, rows = by_place(results), []
     for (place, proximity), landings in impacts.items():
@@ -233,7 +233,7 @@ def main() -> None:
             lambda each, near=near: run(Case("obstacle", near, OBSTACLE_STEPS, given.speed, 0), each)
             for near in (False, True)
         ]
-        film_both(films, given.out / "landing.gif", azimuth=100, distance=1.9)
+        film_both(films, given.out / "landing.gif", azimuth=100)
 
 
 if __name__ == "__main__":

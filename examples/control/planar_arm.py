@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from biped import mujoco  # after its settings
-from experiment import ARM_PAGE, FRAME_TIME, Camera, arguments, count, report, run_all, spread
+from biped import NOISE, REST, force_counts, mujoco
+from experiment import ARM_PAGE, FRAME_TIME, Camera, arguments, by_kind, count, report, run_all, spread
 from PIL import Image
-from planar_skin import FORCE_COUNTS, FULL_SCALE, LINK_LENGTH, PLAN, RANGE, RANGE_COUNTS
+from planar_skin import FULL_SCALE, LINK_LENGTH, PLAN, RANGE, RANGE_COUNTS
 from planar_skin import RADIUS as RADIUS_OF_LINK
 from planar_skin import main as make_skin
 
@@ -37,7 +37,6 @@ FOAM = 0.02  # time constant of a contact with the soft skin [s]
 TIME_STEP, PERIOD = 2e-3, 4e-3  # of the simulation and of the control [s]
 DURATION = 13.0  # of a run [s]
 PUSH_TIME, PUSH_END, PUSH_FORCE = 11.0, 11.7, 50.0  # of the force on the obstacle [s, s, N]
-OFFSET, NOISE, REST = 40, 2.0, 250  # reading at rest and its deviation [count], frames at rest
 START = np.array((-0.35, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1))  # [rad]
 GOAL, TURN = np.array((0.95, 1.3)), 0.95  # of the tip [m], of the last link [rad]
 OBSTACLE, RADIUS = np.array((0.66, 0.57)), 0.1  # where it stands, its radius [m]
@@ -165,8 +164,7 @@ class PlanarArm:
         return data.time, data.qpos[:JOINTS].copy(), data.qvel[:JOINTS].copy(), readings
 
     def _counts(self, force: Array) -> Array:
-        noisy = OFFSET + force * FORCE_COUNTS / FULL_SCALE + self.rng.normal(0, NOISE, force.shape)
-        return np.clip(np.rint(noisy), 0, FORCE_COUNTS)
+        return force_counts(force, FULL_SCALE, self.rng.normal(0, NOISE, force.shape))
 
     def _nearness(self, sites: Array) -> Array:
         """Return readings of the proximity sensors: their rays end at the obstacle, a tall upright cylinder."""
@@ -425,8 +423,7 @@ def main() -> None:
     given = arguments(__doc__, page=ARM_PAGE).parse_args()
     cases = [(policy, seed) for policy in POLICIES for seed in range(given.seeds)]
     found, rows = run_all(run, cases, given), []
-    for k, policy in enumerate(POLICIES):
-        runs = found[k * given.seeds : (k + 1) * given.seeds]
+    for policy, runs in by_kind(POLICIES, found, given).items():
         rows.append(
             (
                 NAMES[policy],
@@ -456,7 +453,6 @@ def main() -> None:
         view = View(arm)
         run(("runtime", 0), view)
         view.save(given.out / "planar_arm.gif")
-    print(f"diagram and animation in {given.out}")
 
 
 if __name__ == "__main__":

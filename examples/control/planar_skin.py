@@ -7,14 +7,13 @@ import json
 
 import numpy as np
 import trimesh
-from shapes import HERE
+from shapes import COUNTS, HERE, RANGE_COUNTS
 
 LINK_LENGTH, RADIUS = 0.25, 0.045  # [m]
 ENDS = (0.02, 0.23)  # of the tube [m]
 CELLS = (8, 10)  # rows along, columns around
 RANGE = 0.12  # of the proximity sensors [m]
-RANGE_COUNTS = 4000.0  # reading of a proximity sensor at contact [count]
-FULL_SCALE, FORCE_COUNTS = 100.0, 4095  # force of a cell at the highest count [N], highest count of 12 bits
+FULL_SCALE = 100.0  # force of a cell at the highest count [N]
 PLAN = HERE / "planar_link.plan.json"
 
 
@@ -61,7 +60,7 @@ def plan() -> dict:
                 "direction": [0.0, 0.0, 1.0],
             }
         ],
-        "response": {"kind": "polynomial", "coefficients": [0.0, FULL_SCALE / FORCE_COUNTS]},
+        "response": {"kind": "polynomial", "coefficients": [0.0, FULL_SCALE / COUNTS]},
         "modalities": [{"name": "proximity", "unit": "m", "response": near}],
     }
 

@@ -14,10 +14,9 @@ import balance
 import faults
 import footholds
 import landing
-import numpy as np
 import wrenches
 from biped import PERIOD, TIME_STEP
-from experiment import arguments, count, report, run_all, spread
+from experiment import arguments, count, distances, report, run_all, spread
 
 PERIODS = {"250 Hz": PERIOD, "1 kHz": TIME_STEP}  # [s]
 STEPS, SPEED = 3, 0.4  # of the landings on flat ground [1, m/s]
@@ -64,9 +63,8 @@ def column(results: dict[str, list[Any]]) -> dict[str, str]:
     texts["cone of the felt polygon: ZMP off by [mm]"] = spread((1e3 * shift.off for shift in results["felt"]), 1)
     searches = results["balance"]
     texts["balance, full sole: largest push [N s]"] = spread((search.survived for search in searches), 1)
-    apart = 1e3 * np.concatenate([search.apart for search in searches])
-    percentiles = f"{np.nanmean(apart):.1f} / {np.nanpercentile(apart, 95):.1f} / {np.nanmax(apart):.1f}"
-    texts["balance: ZMPs of skin and ankles apart, mean / 95 % / maximum [mm]"] = percentiles
+    apart = distances(search.apart for search in searches)
+    texts["balance: ZMPs of skin and ankles apart, mean / 95 % / maximum [mm]"] = apart
     return texts
 
 

@@ -22,9 +22,8 @@ import g1
 import g1_arm
 import g1_landing
 import landing
-import numpy as np
 import replanning
-from experiment import arguments, count, report, run_all, spread
+from experiment import arguments, count, distances, report, run_all, spread
 from rates import PERIODS
 
 SPEED = 0.4  # of landing without proximity [m/s]
@@ -72,9 +71,8 @@ def first_landings(*groups: list[tuple[bool, list[landing.Impact]]]) -> str:
 
 def searches(found: list[Any]) -> str:
     """Return the largest pushes, and the distances of the ZMPs, as text."""
-    apart = 1e3 * np.concatenate([search.apart for search in found])
-    distances = f"{np.nanmean(apart):.1f} / {np.nanpercentile(apart, 95):.1f} / {np.nanmax(apart):.1f}"
-    return f"largest push {spread((search.survived for search in found), 1)} N s; ZMPs {distances} mm apart"
+    apart = distances(search.apart for search in found)
+    return f"largest push {spread((search.survived for search in found), 1)} N s; ZMPs {apart} mm apart"
 
 
 def new_steps(walks: list[replanning.Result]) -> str:

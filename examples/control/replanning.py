@@ -16,7 +16,7 @@ import numpy as np
 from biped import FEET, FLAT, PERIOD, SIDE, Biped
 from diagrams import draw_walks
 from estimator import SOLE_CENTRE, State
-from experiment import arguments, count, film_both, report, run_all, spread, stands_and_steps
+from experiment import arguments, by_kind, count, film_both, report, run_all, spread, stands_and_steps
 from foothold import full_sole
 from shapes import HALF_SIZE, PITCH
 from walker import Gait, Log, Walker, forward_steps, walk
@@ -171,9 +171,9 @@ def main() -> None:
     kinds = [(obstacle, kind) for obstacle in OBSTACLES for kind in KINDS]
     cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
     found = run_all(run, cases, given)
-    rows = []
-    for k, obstacle in enumerate(OBSTACLES):
-        blind, felt, avoiding = (found[j * given.seeds : (j + 1) * given.seeds] for j in range(3 * k, 3 * k + 3))
+    results, rows = by_kind(kinds, found, given), []
+    for obstacle in OBSTACLES:
+        blind, felt, avoiding = (results[obstacle, kind] for kind in KINDS)
         again, area = count(bool(r.retracted) for r in avoiding), spread([100 * r.area for r in avoiding])
         moments = spreads(r.moments[ONTO] for r in blind)
         rows.append((obstacle, *stands_and_steps(blind, felt, avoiding), again, area, *moments, *THESIS[obstacle]))
@@ -195,7 +195,7 @@ def main() -> None:
     films = [lambda each, kind=kind: run(Case(SHOWN, kind, 0), each) for kind in shown]
     draw_walks(dict(zip(shown, films)), given.out / "replanning.png")
     if not given.no_animation:
-        film_both(films, given.out / "replanning.gif", azimuth=100, distance=1.9, every=2)
+        film_both(films, given.out / "replanning.gif", azimuth=100, every=2)
 
 
 if __name__ == "__main__":

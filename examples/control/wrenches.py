@@ -14,7 +14,7 @@ import numpy as np
 from biped import PERIOD, Biped
 from diagrams import draw_walks
 from estimator import State
-from experiment import arguments, count, film_both, report, run_all, spread
+from experiment import arguments, by_kind, count, film_both, report, run_all, spread
 from shapes import FORWARD
 from walker import Walker
 from zmp_plan import ZmpPlan
@@ -96,8 +96,7 @@ def main() -> None:
     cones = ("full", "felt")
     found = run_all(run, [Case(cone, seed) for cone in cones for seed in range(given.seeds)], given)
     rows = []
-    for k, cone in enumerate(cones):
-        runs = found[k * given.seeds : (k + 1) * given.seeds]
+    for cone, runs in by_kind(cones, found, given).items():
         rows.append(
             (
                 {"full": "the full sole", "felt": "the felt polygon"}[cone],

@@ -21,13 +21,14 @@ def test_g1_is_the_same_robot_with_its_meshes_on_a_beam_that_bears_the_middle_of
     from dataclasses import replace
 
     import g1
+    from biped import normal_forces
 
     case = g1.Case(g1.URDF, g1_feet, "half sole", "skin", 0)
     pressed = []
 
     def look(robot):
         for foot in g1.FEET:
-            skin, forces = robot.body.skins[foot], robot._normal_forces()[robot.cells[foot]]
+            skin, forces = robot.body.skins[foot], normal_forces(robot.model, robot.data)[robot.cells[foot]]
             pressed.extend(robot.data.body(foot).xpos[0] + skin.positions[forces > 0, 0])
 
     plain, shown = (
@@ -36,3 +37,16 @@ def test_g1_is_the_same_robot_with_its_meshes_on_a_beam_that_bears_the_middle_of
     np.testing.assert_array_equal(plain[1], shown[1])
     beam = g1.GROUND["half sole"].boxes[0]
     assert plain[0] and np.abs(np.array(pressed) - beam.centre[0]).max() < beam.half[0] + 0.01
+
+
+def test_skins_of_an_earlier_run_are_replaced(tmp_path, monkeypatch):
+    """They were used for any robot that --urdf named later."""
+    import g1
+
+    calls, urdf = [], tmp_path / "robot.urdf"
+    urdf.write_text("<robot name='g1'/>")
+    (tmp_path / "robot.json").write_text("{}")
+    monkeypatch.setattr(g1, "skin_calib", calls.append)
+    g1.propose(urdf, tmp_path, ("foot",))
+    (words,) = calls
+    assert words[:2] == ["fit", str(urdf)] and "--again" in words and words[-2:] == ["--only", "foot"]

@@ -50,7 +50,8 @@ def test_planar_arm_gets_to_its_goal_only_if_it_may_push():
 @pytest.mark.slow
 def test_planar_arm_feels_again_after_what_it_did_not_know():
     """A press is felt after a frame of NaN. If the readings of the link then stop, its mean decreases."""
-    from planar_arm import FORCE_COUNTS, FULL_SCALE, MAX_FORCE, OFFSET, Controller, PlanarArm
+    from biped import COUNTS, OFFSET
+    from planar_arm import FULL_SCALE, MAX_FORCE, Controller, PlanarArm
 
     arm = PlanarArm(0)
     controller, cells, felt = Controller(arm.body, "runtime"), arm.body.skins["link3"].channels[:6], []
@@ -60,7 +61,7 @@ def test_planar_arm_feels_again_after_what_it_did_not_know():
         if cycle == 5:
             force[:] = np.nan
         if cycle >= 10:
-            force[cells] = OFFSET + 20 * FORCE_COUNTS / FULL_SCALE  # 20 N each
+            force[cells] = OFFSET + 20 * COUNTS / FULL_SCALE  # 20 N each
         if cycle >= 80:
             del readings["link3"]
         torques = controller(time, q, qd, readings)
@@ -68,3 +69,20 @@ def test_planar_arm_feels_again_after_what_it_did_not_know():
         felt.append(controller.contact)
         arm.step(torques)
     assert felt[60] > MAX_FORCE and felt[-1] == 0
+
+
+def test_animation_shows_the_arm_that_moves_from_above(frames, tmp_path):
+    """Its skin is green, the obstacle is not."""
+    import mujoco
+    from planar_arm import PlanarArm, View
+
+    arm = PlanarArm(0)
+    view = View(arm)
+    for k in range(2):
+        arm.data.qpos[0], arm.data.time = 0.5 * k, k
+        mujoco.mj_kinematics(arm.model, arm.data)
+        view(arm)
+    view.save(tmp_path / "planar.gif")
+    film = frames(tmp_path / "planar.gif")
+    green = (film[..., 1] > 1.5 * film[..., 0]) & (film[..., 1] > 1.3 * film[..., 2])
+    assert len(film) == 2 and (green.sum(axis=(1, 2)) > 500).all() and (green[0] != green[1]).sum() > 500
