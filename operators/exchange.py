@@ -118,9 +118,9 @@ def fit_to_write(context):
     results.verify(link, context.scene, mesh.sha256)
     _, result = results.fit(plan, mesh)
     warnings, is_current = [], results.is_current(link)
-    if result.warnings:  # a pop-up with all of them in full covers the window
+    if found := results.warnings_of(link, result):  # a pop-up with all of them in full covers the window
         listed = "The tab Skin lists them." if is_current else "Press Fit: the tab Skin then lists them."
-        warnings.append(f"{counted(len(result.warnings), 'warning')} of the fit. {listed}")
+        warnings.append(f"{counted(len(found), 'warning')} of the fit. {listed}")
     if was_current and not is_current:
         warnings.append("The link or a taxel file has changed since the fit. This file is up to date; fit again.")
     if not any(patch.taxels.ids for patch in result.calibration.patches):

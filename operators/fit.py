@@ -63,7 +63,7 @@ class SKIN_OT_fit(Working, OnLink, bpy.types.Operator):
         store_fit(context, link, self.given, result)
         mean = f"{calibrated.mean * 1e3:.4f} mm{results.least_exact(link.skin_calib)}"
         self.report({"INFO"}, f"{link.skin_calib.link}: mean error {mean}")
-        for warning in calibrated.warnings:  # last, because the window shows what was reported last
+        for warning in results.warnings_of(link, calibrated):  # last, because the window shows what was reported last
             self.report({"WARNING"}, str(warning))
 
     def refuse(self, error):

@@ -31,6 +31,7 @@ ORDER = (
     "strain",
     "board-gap",
     "board-overhang",
+    "empty-group",
     "no-uncertainty",
     # what the fit leaves out
     "short-surface",

@@ -170,3 +170,17 @@ def test_undo_of_an_edited_group_brings_the_boards_back(bpy, addon, excluding):
     assert zones(addon, bpy, excluding)
     bpy.ops.ed.undo()
     assert zones(addon, bpy, bpy.data.objects["arm"]) == ()
+
+
+def test_group_without_a_complete_face_is_a_warning(bpy, excluding, tmp_path):
+    """It excludes nothing: the state, the report of the fit and that of an export say so, until it has a face."""
+    bpy.ops.skin_calib.fit()
+    (warning,) = excluding.skin_calib.result.warnings
+    assert warning.code == "empty-group" and warning.skin == excluding.skin_calib.skins[0].name
+    assert "'screws' has no complete face" in warning.message
+    excluding.vertex_groups["screws"].add([0, 1], 1.0, "REPLACE")  # an edge
+    bpy.ops.skin_calib.fit()
+    assert [warning.code for warning in excluding.skin_calib.result.warnings] == ["empty-group"]
+    excluding.vertex_groups["screws"].add(vertices_of(excluding, 2, 0.085), 1.0, "REPLACE")
+    bpy.ops.skin_calib.fit()
+    assert not excluding.skin_calib.result.warnings

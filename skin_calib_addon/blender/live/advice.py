@@ -176,6 +176,7 @@ ACTIONS: dict[str, tuple[Action, ...] | str] = {
     "over-hole": (TRIM,),
     "board-gap": (PAINT,),
     "board-overhang": (PAINT,),
+    "empty-group": "only the author knows which faces belong to it, or whether another group was meant",
     "oblique": "where the skin goes instead is a decision of the author; it has a handle",
     "strain": "where the sheet goes instead is a decision of the author; it has a handle",
     "skins-overlap": "which of the two skins moves is a decision of the author; both have handles",

@@ -2,12 +2,14 @@
 """Faces of a link without skin: those of a vertex group, and the excluded zones that cover them."""
 
 from functools import lru_cache
+from typing import Any
 
 import bpy
 import numpy as np
 
 from ...common.arrays import Array, BoolArray
 from ...common.errors import InvalidPlan
+from ...common.warnings import Place, Warning
 from ...skin.boards.ground import Zone
 from ...skin.zones import discs_over
 from .link_meshes import read_facets, read_placement
@@ -140,5 +142,39 @@ def groups_of(link: bpy.types.Object) -> tuple[tuple[Zone, ...], ...]:
     InvalidPlan, InvalidMesh
         As :func:`group_triangles`.
     """
-    skins = (skin for skin in link.skin_calib.skins if skin.kind == "hexagons" and skin.zone_group)
-    return tuple(zones_of(link, skin.zone_group) for skin in skins)
+    return tuple(zones_of(link, skin.zone_group) for skin in _with_groups(link))
+
+
+def empty_groups(link: bpy.types.Object) -> tuple[Warning, ...]:
+    """Return a warning for each vertex group that boards stay off, and that has no complete face.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+
+    Returns
+    -------
+    tuple of Warning
+
+    Raises
+    ------
+    InvalidPlan, InvalidMesh
+        As :func:`group_triangles`.
+    """
+    return tuple(
+        Warning(
+            "empty-group",
+            "warning",
+            f"{skin.name}: the vertex group {skin.zone_group!r} has no complete face, so that it excludes nothing.",
+            Place(skin=skin.name),
+            advice=f"Assign all vertices of the faces to it, with a weight of {MIN_WEIGHT:g} or more.",
+        )
+        for skin in _with_groups(link)
+        if not zones_of(link, skin.zone_group)
+    )
+
+
+def _with_groups(link: bpy.types.Object) -> list[Any]:
+    """Return the skins of a link that have a vertex group."""
+    return [skin for skin in link.skin_calib.skins if skin.kind == "hexagons" and skin.zone_group]

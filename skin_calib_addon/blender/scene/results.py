@@ -15,12 +15,14 @@ import bpy
 
 from ...common.errors import SkinCalibError
 from ...common.file_hash import file_hash
+from ...common.warnings import Warning
 from ...geometry.fit.surface_fit import SurfaceFit
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline import Calibrated, calibrate
 from ...pipeline.sources import taxel_files
 from ...plan import Plan, plan_document
 from . import plans
+from .face_groups import empty_groups
 from .units import metres_per_unit
 from .warnings import write_warnings
 
@@ -133,6 +135,28 @@ def clear() -> None:
     _results.clear()
 
 
+def warnings_of(link: bpy.types.Object, result: Calibrated) -> tuple[Warning, ...]:
+    """Return the warnings of a fit, and those about vertex groups, which no plan file has.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    result : Calibrated
+        Of its plan.
+
+    Returns
+    -------
+    tuple of Warning
+
+    Raises
+    ------
+    InvalidPlan, InvalidMesh
+        As :func:`empty_groups`.
+    """
+    return (*result.warnings, *empty_groups(link))
+
+
 def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibrated, key: str) -> None:
     """Store the figures of a fit on its object.
 
@@ -146,7 +170,13 @@ def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibra
         In metres in the link frame.
     key : str
         Of the result in the cache.
+
+    Raises
+    ------
+    InvalidPlan, InvalidMesh
+        As :func:`empty_groups`.
     """
+    warnings = warnings_of(link, result)  # first: nothing is written if a group was removed during the fit
     record, fits = link.skin_calib.result, tuple(result.fits.values())
     to_mesh = [fit.errors.surface_to_mesh for fit in fits]
     record.key, record.outdated = key, False
@@ -156,6 +186,6 @@ def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibra
     record.control_points = sum(fit.offsets.size for fit in fits)
     record.taxels = sum(len(p.taxels.ids) for p in result.calibration.patches)
     record.seconds = sum(result.seconds.values())
-    write_warnings(record.warnings, result.warnings)
+    write_warnings(record.warnings, warnings)
     link.skin_calib.steps.advance()
     record.warning_index, link.skin_calib.inspect.marked_place = 0, ""
