@@ -5,6 +5,7 @@ import bpy
 
 from ..skin_calib_addon.blender.scene import skins
 from ..skin_calib_addon.blender.scene.fields import write_first
+from ..skin_calib_addon.blender.scene.results import find
 from ..skin_calib_addon.blender.scene.skins import entry, of_kind
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.plan.keys import ZONE
@@ -44,7 +45,9 @@ class SKIN_OT_skin_add(Edit, bpy.types.Operator):
         return properties.bl_rna.properties["kind"].enum_items[properties.kind].description
 
     def edit(self, context, plan):
-        skins.add_skin(plan.skins, self.kind, metres_per_unit(context.scene))
+        skin, result = skins.add_skin(plan.skins, self.kind, metres_per_unit(context.scene)), find(plan.result.key)
+        if result is not None:
+            skins.turn_along_lines(skin, next(iter(result.fits.values())).surface)  # a new skin is on the first one
 
 
 class SKIN_OT_skin_remove(Edit, bpy.types.Operator):

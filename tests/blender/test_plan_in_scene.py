@@ -365,6 +365,22 @@ def test_default_length_is_in_metres(bpy, addon, link):
     assert addon.plans.read_plan(link, bpy.context.scene).surface.max_deviation == pytest.approx(0.005)
 
 
+@pytest.mark.parametrize("turn", [0, 90, 200])
+def test_added_sheet_runs_along_the_lines_of_the_fitted_surface(bpy, addon, link, turn):
+    """A new sheet lies on any link: the usual direction is perpendicular to a link that is widest along y."""
+    link.rotation_euler[2] = np.deg2rad(turn)
+    link.skin_calib.skins.clear()
+    bpy.ops.skin_calib.fit()
+    bpy.ops.skin_calib.skin_add(kind="sheet")
+    (skin,) = link.skin_calib.skins
+    skin.rows, skin.columns = 2, 3
+    bpy.ops.skin_calib.fit()
+    (patch,) = addon.drawing.patches_of(link)
+    row = patch.taxels.positions_link[2] - patch.taxels.positions_link[0]
+    assert link.skin_calib.result.taxels == 6 and row @ np.array(skin.direction) > 0.95 * np.linalg.norm(row)
+    assert abs(row[2]) < 0.1 * np.linalg.norm(row), "the rows are not around the link"
+
+
 def test_added_skins_follow_the_others(bpy, addon, link):
     """Their names are new, their channels come after those before, their sizes are the usual ones in any unit."""
     bpy.context.scene.unit_settings.scale_length = 0.001

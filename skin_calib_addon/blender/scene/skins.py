@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 
 from ...calibration.model import TaxelArray
+from ...common.arrays import unit
 from ...common.errors import SkinCalibError
+from ...geometry.surface.bspline import BSplineSurface
 from ...pipeline.sources import relative_path
 from ...plan.document import skin_kind
 from ...plan.keys import SKIN_KINDS, SKINS_OF
 from ...plan.skins import BoardSkin, Frame, ImportedSkin, SheetSkin, Skin
+from ...skin.sheet.wrap import root_of
 from . import fields
 from .decimals import in_units
 from .face_groups import zones_of
@@ -95,6 +98,22 @@ def add_skin(skins: Any, kind: str, metre: float, name: str = "skin") -> Any:
     skin.kind, skin.auto_channel, skin.opened = kind, True, True
     _write_first(skin, metre)
     return skin
+
+
+def turn_along_lines(skin: Any, surface: BSplineSurface) -> None:
+    """Set the direction of a new skin to that of the lines of a surface in its middle, to the side of the usual one.
+
+    The usual direction can be perpendicular to the surface there.
+
+    Parameters
+    ----------
+    skin : SKIN_PG_skin
+        A new skin.
+    surface : BSplineSurface
+        The fitted surface.
+    """
+    along = unit(surface.derivatives(root_of(surface, None)[None])[0, 1, 0])
+    skin.direction = np.round(-along if along @ np.array(skin.direction) < 0 else along, 3)
 
 
 def seen_from(folder: Path, skins: tuple[Skin, ...]) -> tuple[Skin, ...]:

@@ -83,7 +83,8 @@ def row_axis(surface: BSplineSurface, uv: Array, direction: ArrayLike) -> Array:
     tangent = wanted - (wanted @ normal) * normal
     if np.linalg.norm(tangent) < MIN_DIRECTION_SINE * np.linalg.norm(wanted) or not wanted.any():
         raise InvalidPlan(
-            f"The direction {wanted.tolist()} is perpendicular to the surface at the origin. Choose one along the rows"
+            f"The direction ({', '.join(f'{x:g}' for x in wanted)}) is perpendicular to the surface at the origin. "
+            "Choose one along the rows"
         )
     return unit(tangent)
 

@@ -218,7 +218,7 @@ def test_sheet_much_larger_than_the_surface_is_refused(surface, shape, origin, d
 @pytest.mark.parametrize("direction", [(1, 0, 0), (-2, 0.05, 0), (0, 0, 0)])
 def test_perpendicular_direction_is_refused(direction):
     """A direction along the normal, or a zero vector, defines no rows."""
-    with pytest.raises(InvalidPlan, match=r"The direction \[.*\] is perpendicular to the surface at the origin"):
+    with pytest.raises(InvalidPlan, match=r"The direction \(.*\) is perpendicular to the surface at the origin"):
         wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(2, 2, SQUARE), (RADIUS, 0, 0.05), direction)
 
 
