@@ -5,7 +5,7 @@ import bpy
 
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.live.advice import PROPOSE, REFUSAL, hidden_surface, mark_of, offered
-from ..skin_calib_addon.blender.scene.link_objects import namesakes
+from ..skin_calib_addon.blender.scene.link_objects import namesakes, why_not
 from ..skin_calib_addon.blender.scene.results import least_exact
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import read_warning
@@ -21,6 +21,8 @@ def state_of(link):
     """Return the state of a link in a few words, with an icon."""
     if link is None or link.type != "MESH":
         return "Select or open a link", "INFO"
+    if reason := why_not(link, named=False):
+        return reason, "INFO"
     plan, report = link.skin_calib, updates.reports.get(link.name)
     result = plan.result
     if words := updates.progress(link.name):
@@ -65,6 +67,8 @@ def draw_status(layout, link):
     if link is None or link.type != "MESH":
         return
     plan = link.skin_calib
+    if plan.link and not link.visible_get(viewport=bpy.context.space_data):
+        show_text(layout, "The link is hidden in this view, with its surface and its marks", "HIDE_ON")
     if same_name(link):
         show_text(layout, "Their files would have the same names. Rename one of both in Link.", "BLANK1")
     row = buttons(layout)

@@ -433,3 +433,22 @@ def test_long_figure_leaves_space_for_its_label(bpy, link, monkeypatch):
         label, figure = layout.shown
         assert label == "Link" and len(f"{label} {figure}") <= 34
         assert figure == name if name == "arm" else figure[-1] == "…" and name.startswith(figure[:-1])
+
+
+def test_hidden_link_says_so(bpy, link):
+    """Its surface and the marks of Show are hidden, too: without a word the view was empty."""
+    assert not any("hidden in this view" in words for words in draw(bpy, "status"))
+    link.hide_set(True)
+    assert "The link is hidden in this view, with its surface and its marks" in " ".join(draw(bpy, "status"))
+
+
+def test_link_of_another_file_says_so(bpy, link, tmp_path):
+    """It cannot be fitted; the state asked to press the buttons that are not available."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "link.blend"))
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with bpy.data.libraries.load(str(tmp_path / "link.blend"), link=True) as (_, wanted):
+        wanted.objects = ["arm"]
+    bpy.context.scene.collection.objects.link(wanted.objects[0])
+    bpy.context.view_layer.objects.active = wanted.objects[0]
+    shown = " ".join(draw(bpy, "status"))
+    assert "This link belongs to another file" in shown and "press Propose" not in shown
