@@ -139,6 +139,7 @@ class SKIN_OT_replay_close(OnRecording, bpy.types.Operator):
 
     def execute(self, context):
         replay.close(context.object)
+        taxel_mesh.follow_timeline(context.scene)
         return {"FINISHED"}
 
 

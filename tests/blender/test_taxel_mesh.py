@@ -106,3 +106,21 @@ def test_forces_follow_the_timeline(bpy, ours, link, record):  # noqa: F811
 def test_taxels_without_a_fit_are_refused(bpy, link):
     """The button says what to do first."""
     assert not bpy.ops.skin_calib.taxel_mesh.poll()
+
+
+def test_force_is_that_of_the_taxel_or_none(bpy, ours, link, record, tmp_path):  # noqa: F811
+    """Unknown forces are no zeros, faces of an earlier fit get no forces of another, nor any after the recording."""
+    bpy.ops.skin_calib.fit()
+    thing = made(bpy)
+    path = tmp_path / "lost.csv"
+    path.write_text("time,a,b,c,d,e,f\n0,1,,3,4,5,6\n0.1,1,,3,4,5,6\n")
+    bpy.ops.skin_calib.replay_open(filepath=str(path))
+    assert_allclose(values(thing, "force"), [1, np.nan, 3, 4, 5, 6])
+    link.skin_calib.skins[0].direction = (0, -1, 0)  # each face is now where another taxel was
+    bpy.ops.skin_calib.fit()
+    bpy.ops.skin_calib.replay_open(filepath=str(path))
+    bpy.context.scene.frame_set(2)
+    assert (values(thing, "force") == 0).all()
+    assert_allclose(values(made(bpy), "force"), [1, np.nan, 3, 4, 5, 6])
+    bpy.ops.skin_calib.replay_close()
+    assert (values(thing, "force") == 0).all()

@@ -15,8 +15,10 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
+from ...common.arrays import Array
 from ...common.errors import counted
 from ...inspection.replaying import Replay
+from ...runtime import Frame
 from ..live import events
 from ..overlay import drawing
 from ..overlay.layers import Layer, heat_layer, replay_lines
@@ -97,10 +99,15 @@ def show(link: bpy.types.Object) -> None:
     drawing.redraw()
 
 
+def known_forces(frame: Frame) -> Array:
+    """Return the force on each taxel in a frame, shape (n,) [N]; NaN if it is unknown."""
+    return np.where(frame.known, frame.forces, np.nan)
+
+
 def _forces(replay: Replay, frame: Any) -> Layer:
     note = "" if frame.known.all() else "grey: no reading"
     legend = Legend("Force", "FORCE", replay.strongest, note=note)
-    return heat_layer("FORCE", replay.taxels, np.where(frame.known, frame.forces, np.nan), legend)
+    return heat_layer("FORCE", replay.taxels, known_forces(frame), legend)
 
 
 def _message_lines(replay: Replay, frame: Any) -> Any:

@@ -20,6 +20,7 @@ from ..live import events
 from ..scene.link_meshes import link_frame
 from ..scene.units import metres_per_unit
 from . import replay
+from .replay import known_forces
 from .taxels import result_of, taxels_of
 
 OWNER = "skin_calib_link"  # custom property of the object: its link
@@ -133,14 +134,16 @@ def follow_timeline(scene: bpy.types.Scene, _depsgraph: Any = None) -> None:
     seconds = (scene.frame_current_final - scene.frame_start) / rate
     for thing in scene.objects:
         link = thing.get(OWNER) if thing.type == "MESH" else None
-        recording = replay.find(link) if link else None
-        if recording is None:
+        if link is None:
             continue
-        at = recording.at(seconds)
-        if not replay.is_playing(link):
-            replay.choose(link.skin_calib.inspect.replay, at)
+        recording, forces = replay.find(link), np.zeros(len(thing.data.polygons))
+        if recording is not None:
+            at = recording.at(seconds)
+            if not replay.is_playing(link):
+                replay.choose(link.skin_calib.inspect.replay, at)
+            if thing.get(FIT) == link.skin_calib.result.key:
+                forces = known_forces(recording.frame(at))
         force = thing.data.attributes.get(FORCE)
-        forces = recording.frame(at).forces
         if force is not None and len(force.data) == len(forces):
             force.data.foreach_set("value", forces.astype(np.float32))
             thing.data.update()
