@@ -421,3 +421,10 @@ def test_import_from_edit_mode_leaves_it(bpy, plan_file, link):
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file("leg")))
     assert bpy.context.object.name == "leg" and bpy.context.mode == "OBJECT"
     assert [o.name for o in bpy.context.selected_objects] == ["leg"]
+
+
+def test_landmark_far_from_the_mesh_is_named_in_words_of_the_window(bpy, link):
+    """The message said "The origin", which landmarks replace, and "in metres" next to fields in millimetres."""
+    bpy.ops.skin_calib.landmark_add(skin=0)  # at the 3D cursor, in the middle of the link
+    with pytest.raises(RuntimeError, match=r"Landmark 0, \(0.0, 0.0, 0.0\) mm, is .* covers, in the link frame"):
+        bpy.ops.skin_calib.fit()

@@ -238,10 +238,14 @@ def put_point(plan: Any, what: str, skin: int, index: int, point: Any) -> None:
 
 
 def in_window(error: SkinCalibError) -> str:
-    """Return the message of an error in words of the window: a button there finds the frame that a plan file needs."""
+    """Return the message of an error in words of the window.
+
+    A button there finds the frame that a plan file needs, and lengths are in millimetres.
+    """
     finding = error.numbers.get("finding")
     proposal = json.dumps(finding.value) if finding else ""
-    return str(error).replace(f'give it "frame": {proposal}', "press Find Frame")
+    words = str(error).replace(f'give it "frame": {proposal}', "press Find Frame")
+    return words.replace("in metres in the link frame", "in the link frame")
 
 
 def fix_pose(skin: Any, taxels: TaxelArray, metre: float) -> None:

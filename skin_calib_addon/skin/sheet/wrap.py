@@ -118,12 +118,14 @@ def wrap_sheet(
     """
     check_size(surface, lattice.pitch)
     layer = offset_surface(surface, offset)
+    name = "The origin"
     if landmarks:
+        name = "Landmark 0"
         origin, pin = landmarks[0].point, (2 * landmarks[0].cell[0] + 1, 2 * landmarks[0].cell[1] + 1)
     else:
         pin = (1, 1) if origin is not None else (lattice.rows, lattice.columns)
     start = None if near is None else root_near(surface, origin, near)
-    start = root_of(surface, origin) if start is None else start
+    start = root_of(surface, origin, name) if start is None else start
     lines = lattice.node_lines
     if preview and np.prod(lattice.node_shape) > MAX_EXACT_NODES:
         fixed = [pin, *((2 * i + 1, 2 * j + 1) for i, j in (landmark.cell for landmark in landmarks))]
@@ -239,7 +241,7 @@ def _relax_sheet(
     return nodes, False
 
 
-def root_of(surface: BSplineSurface, origin: ArrayLike | None) -> Array:
+def root_of(surface: BSplineSurface, origin: ArrayLike | None, name: str = "The origin") -> Array:
     """Return the parameters, shape (2,), of the surface point nearest to an origin.
 
     Parameters
@@ -248,6 +250,8 @@ def root_of(surface: BSplineSurface, origin: ArrayLike | None) -> Array:
         The surface.
     origin : array, shape (3,), or None
         Position [m]; None gives the middle of the surface.
+    name : str, optional
+        Of the origin, for the message.
 
     Raises
     ------
@@ -256,7 +260,7 @@ def root_of(surface: BSplineSurface, origin: ArrayLike | None) -> Array:
     """
     if origin is None:
         return np.array(surface_centre(surface))
-    return located(surface, np.asarray(origin, float)[None], ["The origin"])[0]
+    return located(surface, np.asarray(origin, float)[None], [name])[0]
 
 
 def root_near(surface: BSplineSurface, origin: ArrayLike | None, near: WrappedSheet) -> Array | None:

@@ -131,5 +131,7 @@ def test_points_far_from_the_surface_are_refused_with_their_distance(distance):
         wrap_sheet(surface, lattice, far, (1, 0, 0))
     assert caught.value.numbers["distance"] == pytest.approx(distance)
     assert caught.value.numbers["place"].point == far
+    with pytest.raises(InvalidPlan, match=f"Landmark 0, .*{text}"):
+        wrap_sheet(surface, lattice, None, (1, 0, 0), landmarks=(Landmark((0, 0), far),))
     with pytest.raises(InvalidPlan, match=f"Landmark 1, .*{text}"):
         wrap_sheet(surface, lattice, None, (1, 0, 0), landmarks=(Landmark((0, 0), near), Landmark((1, 1), far)))
