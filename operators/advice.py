@@ -56,7 +56,7 @@ class SKIN_OT_take_advice(Working, OnWarning, bpy.types.Operator):
     bl_idname = "skin_calib.take_advice"
     bl_label = "Do What It Advises"
 
-    doing = "Trying a change of"
+    doing = "Trying a change"
 
     def task(self, context):
         link, metre = context.object, metres_per_unit(context.scene)

@@ -108,7 +108,7 @@ class Propose(OverLinks):
 
     bl_options = {"REGISTER", "UNDO"}
 
-    doing, did = "Proposing a plan for", "Proposed plans for"
+    doing, did = "Proposing a plan", "Proposed plans for"
 
     def choose(self, context):
         self.choice = parse_skin(bpy.path.abspath(context.scene.skin_calib.skin or preferences().skin))

@@ -55,7 +55,7 @@ class Waiting:
     def modal(self, context, event):
         if event.type == "ESC":
             self.end(context)
-            self.report({"INFO"}, f"{self.doing} {self.subject} was stopped")
+            self.report({"INFO"}, f"{self.subject}: {self.doing} was stopped")
             return {"CANCELLED"}
         if event.type == "TIMER" and self.work.is_done():
             self.end(context)
@@ -67,7 +67,7 @@ class Waiting:
         """Show stage and time in the status bar and in the status of the link; ``number`` counts the links."""
         stage = f": {self.work.stage}" if self.work.stage else ""
         seconds = f"{perf_counter() - self.start:.0f} s"
-        context.workspace.status_text_set(f"{self.doing} {self.subject}{number}{stage}, {seconds}    Esc: stop")
+        context.workspace.status_text_set(f"{self.subject}{number}: {self.doing}{stage}, {seconds}    Esc: stop")
         updates.show_progress(self.subject, f"{self.doing}{stage}, {seconds}. Esc stops it")
 
     def refuse(self, error):
