@@ -87,7 +87,7 @@ def draw_status(layout, link):
         draw_warning(layout, plan, report.refusal, REFUSAL)
         offers = [action for action, _ in offered(report.refusal, plan, metres_per_unit(bpy.context.scene))]
         if not plan.proposed and not report.refusal.where.skin and offers[:1] != [PROPOSE]:
-            show_text(layout, "Or press Propose, which finds surfaces that can be fitted.", "INFO")
+            show_text(layout, "Or press Propose. It replaces the plan by one that can be fitted.", "INFO")
     elif result.key and result.warnings:
         if result.outdated:
             show_text(layout, "Warnings of the last fit, before the change:", "INFO")

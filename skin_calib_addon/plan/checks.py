@@ -38,7 +38,9 @@ def check_together(plan: Plan) -> None:
     for skin in plan.skins:
         if plan.surface_of(skin) not in names:
             near = did_you_mean(plan.surface_of(skin), names) or f". It has {listed(names)}."
-            raise InvalidPlan(f"Skin {skin.name!r} is on surface {skin.surface!r}, which the plan does not have{near}")
+            raise InvalidPlan(
+                f"Skin {skin.name!r} is on surface {skin.surface!r}, which the plan does not have{near}", skin=skin.name
+            )
     check_skins(plan.skins)
 
 
@@ -59,6 +61,22 @@ def naming_surface(plan: Plan, name: str) -> Iterator[None]:
         if len(plan.surfaces) > 1:
             error.args = (f"Surface {name!r}: {error}",)
             error.numbers["surface"] = name
+        raise
+
+
+@contextmanager
+def about_skin(name: str) -> Iterator[None]:
+    """Keep the name of a skin with the errors about it.
+
+    Parameters
+    ----------
+    name : str
+        Of the skin.
+    """
+    try:
+        yield
+    except SkinCalibError as error:
+        error.numbers["skin"] = name
         raise
 
 
@@ -104,17 +122,23 @@ def check_grid(grid: Grid | PlanesGrid) -> None:
 def check_skins(skins: tuple[Skin, ...]) -> None:
     """Refuse skins with the same name or channel, and skins that contradict themselves."""
     for i, skin in enumerate(skins):
-        name = skin.name
-        if name in {other.name for other in skins[:i]}:
-            raise InvalidPlan(f"Two skins have the name {name!r}. Rename one.")
-        if isinstance(skin, SheetSkin | BoardSkin) and skin.direction is not None:
-            check_direction(skin.direction, f"The direction of skin {name!r} is zero. Give the direction of its rows.")
-        if isinstance(skin, SheetSkin):
-            check_landmarks(skin)
-        if isinstance(skin, BoardSkin) and isinstance(skin.choice, tuple) and len(set(skin.choice)) < len(skin.choice):
-            raise InvalidPlan(f"Skin {name!r} lists a cell twice. List each board once.")
-        check_single_taxels(skin)
+        with about_skin(skin.name):
+            if skin.name in {other.name for other in skins[:i]}:
+                raise InvalidPlan(f"Two skins have the name {skin.name!r}. Rename one.")
+            check_alone(skin)
     first_channels(skins, [skin.count for skin in skins])
+
+
+def check_alone(skin: Skin) -> None:
+    """Refuse a skin that contradicts itself."""
+    name = skin.name
+    if isinstance(skin, SheetSkin | BoardSkin) and skin.direction is not None:
+        check_direction(skin.direction, f"The direction of skin {name!r} is zero. Give the direction of its rows.")
+    if isinstance(skin, SheetSkin):
+        check_landmarks(skin)
+    if isinstance(skin, BoardSkin) and isinstance(skin.choice, tuple) and len(set(skin.choice)) < len(skin.choice):
+        raise InvalidPlan(f"Skin {name!r} lists a cell twice. List each board once.")
+    check_single_taxels(skin)
 
 
 def check_single_taxels(skin: Skin) -> None:
@@ -129,7 +153,10 @@ def check_single_taxels(skin: Skin) -> None:
     for name in names:
         if name not in known:
             near = did_you_mean(name, known) or "."
-            raise InvalidPlan(f"Skin {skin.name!r} has no taxel {name!r}{near} Ids are row.column, or q.r of a board.")
+            raise InvalidPlan(
+                f"Skin {skin.name!r} has no taxel {name!r}{near} Ids are row.column, or q.r of a board. Remove it from "
+                "the single taxels."
+            )
 
 
 def _cells(skin: SheetSkin | BoardSkin) -> Iterable[tuple[int, int]]:

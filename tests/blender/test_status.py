@@ -452,3 +452,22 @@ def test_link_of_another_file_says_so(bpy, link, tmp_path):
     bpy.context.view_layer.objects.active = wanted.objects[0]
     shown = " ".join(draw(bpy, "status"))
     assert "This link belongs to another file" in shown and "press Propose" not in shown
+
+
+@pytest.mark.parametrize("wrong", ["single", "group", "direction", "cells"])
+def test_refused_skin_does_not_advise_a_proposal(bpy, link, wrong):
+    """It would replace the plan, and the surface is right: the name of the skin is at the refusal."""
+    (skin,) = link.skin_calib.skins
+    if wrong == "single":
+        skin.taxels.add().taxel = "0.9"
+    elif wrong == "direction":
+        skin.direction = (0, 0, 0)
+    else:
+        skin.kind, skin.choice = "hexagons", "listed"
+        skin.cells, skin.zone_group = ("0,0", "missing") if wrong == "group" else ("x", "")
+    refused(bpy)
+    assert not any("press Propose" in shown for shown in draw(bpy, "status"))
+    link.skin_calib.skins.clear()
+    link.skin_calib.cover.cuts.add().normal = (0, 0, 0)
+    refused(bpy)
+    assert any("press Propose" in shown for shown in draw(bpy, "status"))

@@ -14,6 +14,7 @@ from ...common.arrays import unit
 from ...common.errors import SkinCalibError
 from ...geometry.surface.bspline import BSplineSurface
 from ...pipeline.sources import relative_path
+from ...plan.checks import about_skin
 from ...plan.document import skin_kind
 from ...plan.keys import SKIN_KINDS, SKINS_OF
 from ...plan.skins import BoardSkin, Frame, ImportedSkin, SheetSkin, Skin
@@ -43,9 +44,10 @@ def read_skin(group: Any, metre: float) -> Skin:
     InvalidPlan
         If a value is beyond its limits, or a vertex group is missing; the message names it as the window does.
     """
-    skin: Skin = fields.read(SKINS_OF[group.kind], group, metre, (f"Skin {group.name!r}",))
-    if isinstance(skin, BoardSkin) and group.zone_group:
-        return replace(skin, excluded=(*skin.excluded, *zones_of(group.id_data, group.zone_group)))
+    with about_skin(group.name):
+        skin: Skin = fields.read(SKINS_OF[group.kind], group, metre, (f"Skin {group.name!r}",))
+        if isinstance(skin, BoardSkin) and group.zone_group:
+            return replace(skin, excluded=(*skin.excluded, *zones_of(group.id_data, group.zone_group)))
     is_pinned = isinstance(skin, SheetSkin) and skin.landmarks
     return replace(skin, origin=None) if is_pinned else skin
 
