@@ -20,7 +20,7 @@ class SKIN_OT_open_sample(bpy.types.Operator):
         description="Which link",
         items=[
             ("wrist", "Wrist", "A limb with a sheet around it"),
-            ("sole", "Sole", "A foot with hexagonal boards"),
+            ("sole", "Sole", "A foot with a sheet below its sole"),
             ("edge", "Edge", "A limb with an edge, and a sheet over it"),
         ],
     )
