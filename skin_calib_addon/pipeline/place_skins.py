@@ -1,6 +1,6 @@
 """Place the skins of a plan on the fitted surface."""
 
-from collections.abc import Container, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, singledispatch
 
@@ -66,7 +66,7 @@ class Draft:
     near: Mapping[str, PlacedSkin]  # placements by the names of skins, on a similar surface, from which sheets start
     neighbours: bool  # whether the neighbours of the taxels are needed
     sigma: bool  # whether the uncertainty of the taxels is needed
-    on_facets: Container[str] = ()  # names of surfaces whose sheets lie along the facets, and not through the vertices
+    on_facets: bool = False  # whether sheets lie along the facets, and not on the smooth surface through the vertices
 
 
 def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = None) -> tuple[PlacedSkin, ...]:
@@ -102,8 +102,7 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = 
         assert first is not None  # the counts of all previous skins are known
         name = plan.surface_of(skin)
         with naming_skin(plan, skin):
-            on = fits[name], first
-            done = place_skin(skin, *on) if draft is None else draft_skin(skin, *on, draft, name in draft.on_facets)
+            done = place_skin(skin, fits[name], first) if draft is None else draft_skin(skin, fits[name], first, draft)
         placed.append(replace(done, patch=replace(done.patch, surface=name)))
         counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
     first_channels(skins, counts)
@@ -120,12 +119,12 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = 
     return tuple(replace(done, patch=on, disabled=off) for done, on, off in zip(placed, enabled, disabled))
 
 
-def draft_skin(skin: Skin, fit: SurfaceFit, first_channel: int, draft: Draft, on_facets: bool) -> PlacedSkin:
+def draft_skin(skin: Skin, fit: SurfaceFit, first_channel: int, draft: Draft) -> PlacedSkin:
     """Place a skin for a preview; arguments as for `place_skin` and `place_all`."""
     if not isinstance(skin, SheetSkin):
         return place_skin(skin, fit, first_channel)
     near = draft.near.get(skin.name)
-    surface = fit.surface if on_facets else fit.error_field.surface
+    surface = fit.surface if draft.on_facets else fit.error_field.surface
     sheet = sheet_on(skin, fit, surface, near.sheet if near else None, preview=True)
     taxels = preview_taxels(sheet, skin.name, first_channel)
     if draft.neighbours:

@@ -123,12 +123,11 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     given_skins, plan = plan.skins, replace(plan, skins=placed_at_once(plan.skins))
     skins = plan.skins, [file_hash(path) for path in taxel_files(plan)]
     judged = "TILT" in given.shown, "UNCERTAINTY" in given.shown
+    draft = Draft(cache.placed, *judged, on_facets=len(mesh.faces) > COARSE_FACES)
 
     def placed_on(coarse: bool, moving: set[str]) -> tuple[dict[str, SurfaceFit], tuple[PlacedSkin, ...], bool]:
         found = {s.name: _fit(cache, mesh, plan, s, coarse, s.name in moving) for s in plan.surfaces}
         fits = {name: fit for name, (fit, _) in found.items()}
-        is_fine = {True: len(mesh.faces) > COARSE_FACES, False: coarse and len(mesh.faces) > MAX_EXACT_FACES}
-        draft = Draft(cache.placed, *judged, {name for name, (_, moved) in found.items() if is_fine[moved]})
         placed = cache.step("placed", (fits, (skins, judged)), _same_fits, lambda: place_all(plan, fits, draft))
         return fits, placed, coarse or any(moved for _, moved in found.values())
 

@@ -174,11 +174,11 @@ def test_draft_is_along_the_facets_where_it_may_be(tmp_path):
         "tube", tmp_path / "tube.stl", "m", (Surface(CoverSpec(), TubeGrid(6, 24, Z_AXIS)),), skins_from([sheet])
     )
     fits = calibrate(plan, cylinder(RADIUS, 0.2, 24, 30)).fits
-    (name,) = fits
+    ((name, fit),) = fits.items()
     above = {}
-    for on_facets in ((), (name,)):
-        fit = replace(fits[name])  # computes its parts anew
-        (placed,) = place_all(plan, {name: fit}, Draft({}, False, False, on_facets))
+    for on_facets in (False, True):
+        anew = replace(fit)  # computes its parts again
+        (placed,) = place_all(plan, {name: anew}, Draft({}, False, False, on_facets))
         above[on_facets] = np.hypot(*placed.patch.taxels.positions_link.T[:2]) - RADIUS
-        assert ("error_field" in vars(fit)) == (not on_facets)
-    assert np.abs(above[()]).max() < 3e-5 and -4.3e-4 < above[(name,)].mean() < -1.5e-4
+        assert ("error_field" in vars(anew)) == (not on_facets)
+    assert np.abs(above[False]).max() < 3e-5 and -4.3e-4 < above[True].mean() < -1.5e-4
