@@ -9,7 +9,7 @@ from .arrays import Array
 
 
 def finite(name: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """Return numbers in double precision.
+    """Return an array of finite numbers of a given shape, in double precision.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def finite(name: str, value: Any, shape: tuple[int, ...]) -> Array:
 
 
 def positive(name: str, value: float) -> float:
-    """Return a number.
+    """Return a number that must be above zero, in double precision.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def positive(name: str, value: float) -> float:
 
 
 def not_negative(name: str, value: float) -> float:
-    """Return a number.
+    """Return a number that must be zero or more, in double precision.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ class Draft:
     near: Mapping[str, PlacedSkin]  # placements by the names of skins, on a similar surface, from which sheets start
     neighbours: bool  # whether the neighbours of the taxels are needed
     sigma: bool  # whether the uncertainty of the taxels is needed
-    on_facets: bool = False  # whether sheets lie along the facets, and not on the smooth surface through the vertices
+    on_facets: bool  # whether sheets lie along the facets, and not on the smooth surface through the vertices
 
 
 def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = None) -> tuple[PlacedSkin, ...]:

@@ -187,7 +187,7 @@ class _Target:
     file: Path
     unit: str
     on: LinkPoints
-    covered: Mapping[str, float]  # area of it [m^2] by what covers it, the largest first
+    by_coverer: Mapping[str, float]  # area [m^2] that each other link covers, by its name, the largest first
 
     @classmethod
     def of(
@@ -201,13 +201,13 @@ class _Target:
     ) -> "_Target":
         """Find what of a link can be seen, and what of that is free."""
         begin("outside")
-        on, covered = LinkPoints.of(mesh), {}
+        on, by_coverer = LinkPoints.of(mesh), {}
         if keep_out is not None:
             begin("other links")
             coverers = keep_out.coverers(link, on.points, on.normals)
-            covered = {name: float(on.areas[coverers == name].sum()) for name in {*coverers} - {""}}
+            by_coverer = {name: float(on.areas[coverers == name].sum()) for name in {*coverers} - {""}}
             on = replace(on, free=coverers == "")
-        return cls(link, mesh, file, unit, on, dict(sorted(covered.items(), key=lambda item: (-item[1], item[0]))))
+        return cls(link, mesh, file, unit, on, dict(sorted(by_coverer.items(), key=lambda item: (-item[1], item[0]))))
 
     @property
     def free(self) -> float:
@@ -223,9 +223,9 @@ class _Target:
     @property
     def why_covered(self) -> str:
         """Return what covers most of the link, as a sentence after others; empty if more of it is free than covered."""
-        if sum(self.covered.values()) <= self.free:
+        if sum(self.by_coverer.values()) <= self.free:
             return ""
-        most = (f"{name} {area * 1e4:.0f} cm^2" for name, area in islice(self.covered.items(), MAX_COVERERS))
+        most = (f"{name} {area * 1e4:.0f} cm^2" for name, area in islice(self.by_coverer.items(), MAX_COVERERS))
         return f" Others cover it somewhere in the ranges of the joints: {', '.join(most)}."
 
     def proposal(

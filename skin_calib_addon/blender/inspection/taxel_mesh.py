@@ -121,7 +121,7 @@ def _write_faces(data: bpy.types.Mesh, corners: Array) -> None:
 
 @persistent
 def follow_timeline(scene: bpy.types.Scene, _depsgraph: Any = None) -> None:
-    """Show the frame of each recording that belongs to the frame of the scene.
+    """Show the frame of each recording that belongs to the frame of the scene; 0 N without a recording of the fit.
 
     Parameters
     ----------
@@ -136,17 +136,20 @@ def follow_timeline(scene: bpy.types.Scene, _depsgraph: Any = None) -> None:
         link = thing.get(OWNER) if thing.type == "MESH" else None
         if link is None:
             continue
-        recording, forces = replay.find(link), np.zeros(len(thing.data.polygons))
+        recording, forces = replay.find(link), np.zeros(len(thing.data.polygons), np.float32)
         if recording is not None:
             at = recording.at(seconds)
             if not replay.is_playing(link):
                 replay.choose(link.skin_calib.inspect.replay, at)
             if thing.get(FIT) == link.skin_calib.result.key:
-                forces = known_forces(recording.frame(at))
+                forces = known_forces(recording.frame(at)).astype(np.float32)
         force = thing.data.attributes.get(FORCE)
         if force is not None and len(force.data) == len(forces):
-            force.data.foreach_set("value", forces.astype(np.float32))
-            thing.data.update()
+            before = np.empty_like(forces)
+            force.data.foreach_get("value", before)
+            if not np.array_equal(before, forces, equal_nan=True):  # an update makes Blender evaluate the object
+                force.data.foreach_set("value", forces)
+                thing.data.update()
 
 
 HANDLERS = {"frame_change_pre": follow_timeline}

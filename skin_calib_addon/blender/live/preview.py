@@ -123,7 +123,8 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     given_skins, plan = plan.skins, replace(plan, skins=placed_at_once(plan.skins))
     skins = plan.skins, [file_hash(path) for path in taxel_files(plan)]
     judged = "TILT" in given.shown, "UNCERTAINTY" in given.shown
-    draft = Draft(cache.placed, *judged, on_facets=len(mesh.faces) > COARSE_FACES)
+    is_fine = len(mesh.faces) > COARSE_FACES  # also where cuts move: then the fit is to a mesh of about as many
+    draft = Draft(cache.placed, *judged, on_facets=is_fine)
 
     def placed_on(coarse: bool, moving: set[str]) -> tuple[dict[str, SurfaceFit], tuple[PlacedSkin, ...], bool]:
         found = {s.name: _fit(cache, mesh, plan, s, coarse, s.name in moving) for s in plan.surfaces}
