@@ -101,6 +101,12 @@ class SKIN_OT_compare_end(OnLink, bpy.types.Operator):
     bl_label = "End Comparison"
     bl_options = {"REGISTER", "UNDO"}
 
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and cls.says(
+            "" if context.object.skin_calib.inspect.comparison.file else "Compare with a file first"
+        )
+
     def execute(self, context):
         context.object.skin_calib.inspect.property_unset("comparison")
         return {"FINISHED"}

@@ -47,6 +47,12 @@ class SKIN_OT_touches_end(OnLink, bpy.types.Operator):
     bl_label = "Forget Touches"
     bl_options = {"REGISTER", "UNDO"}
 
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and cls.says(
+            "" if context.object.skin_calib.inspect.touches.file else "Compare with touches first"
+        )
+
     def execute(self, context):
         touching.forget(context.object)
         return {"FINISHED"}

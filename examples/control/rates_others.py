@@ -1,10 +1,9 @@
 """Control and skins at 1 kHz instead of 250 Hz: the experiments that ``rates.py`` does not have.
 
-    python examples/control/rates_others.py [--seeds 4] [--urdf g1_29dof_rev_1_0.urdf]
+    python examples/control/rates_others.py [--seeds 20] [--urdf g1_29dof_rev_1_0.urdf]
 
 The same runs as of ``landing.py``, ``balance.py``, ``replanning.py``, ``faults.py``, ``beam.py``, ``arm.py``,
-``g1_landing.py``, ``g1.py`` and ``g1_arm.py``, with both rates. Some rows have fewer seeds than ``--seeds``; each row
-has its number. Without the G1 its rows are left out.
+``g1_landing.py``, ``g1.py`` and ``g1_arm.py``, with both rates. Without the G1 its rows are left out.
 """
 
 from collections.abc import Callable
@@ -27,11 +26,8 @@ from experiment import arguments, count, distances, report, run_all, spread
 from rates import PERIODS
 
 SPEED = 0.4  # of landing without proximity [m/s]
-WALK_STEPS, BEAM_STEPS, G1_STEPS = 2, 50, 4  # of a walk with a fault, on the beam, of the G1 on flat ground
+WALK_STEPS, BEAM_STEPS, G1_STEPS = 2, 20, 4  # of a walk with a fault, on the beam, of the G1 on flat ground
 BEAM_WIDTH = 0.08  # [m]
-# Seeds of experiments with one run of each case, and of pushes of the G1 and latency. More: over 20 minutes of one
-# processor.
-LONG, FEW = 1, 2
 G1_ARM = ("contacts", "near")
 RUNS = {module.Case: module.run for module in (landing, balance, replanning, faults, beam, arm, g1_landing, g1)}
 RUNS[g1_arm.G1Case] = g1_arm.run
@@ -43,7 +39,6 @@ class Row:
 
     cases: tuple[Callable[..., Any], ...]
     text: Callable[..., str]
-    seeds: int | None = None  # at most; all if it is None
 
 
 def run(case: Any) -> Any:
@@ -107,15 +102,14 @@ def of_robot() -> dict[str, Row]:
     rows["balance on the half sole"] = Row((along_axes(partial(balance.Case, "half sole", "skin")),), searches)
     for obstacle in replanning.OBSTACLES:
         walk = partial(replanning.Case, obstacle, "what is felt, new steps")
-        rows[f"new step, {obstacle}"] = Row((walk,), new_steps, LONG)
-    for fault, seeds in (("frozen bus", None), ("10 ms of latency", FEW)):
-        rows[f"{fault}, flags used"] = Row((partial(faults.Case, fault, True, WALK_STEPS),), faulty_walks, seeds)
-    rows["beam, what is felt"] = Row((partial(beam.Case, True, BEAM_WIDTH, BEAM_STEPS),), side_steps, LONG)
+        rows[f"new step, {obstacle}"] = Row((walk,), new_steps)
+    for fault in ("frozen bus", "10 ms of latency"):
+        rows[f"{fault}, flags used"] = Row((partial(faults.Case, fault, True, WALK_STEPS),), faulty_walks)
+    rows["beam, what is felt"] = Row((partial(beam.Case, True, BEAM_WIDTH, BEAM_STEPS),), side_steps)
     for kind, variants in arm.VARIANTS.items():
         for variant in variants:
-            seeds = LONG if kind == "heat" else None
             case = partial(arm.Case, kind, variant)
-            rows[f"{arm.TITLES[kind]}: {variant}"] = Row((case,), partial(arm.numbers, kind), seeds)
+            rows[f"{arm.TITLES[kind]}: {variant}"] = Row((case,), partial(arm.numbers, kind))
     return rows
 
 
@@ -133,25 +127,25 @@ def of_g1(urdf: Path, feet: Path, arms: Path) -> dict[str, Row]:
         ("the obstacle", "obstacle", g1_landing.OBSTACLE_STEPS, first_landings),
     ):
         lands = tuple(partial(g1_landing.Case, urdf, feet, ground, near, steps, SPEED) for near in (False, True))
-        rows[f"G1, landing on {place}, without and with proximity"] = Row(lands, text, LONG)
+        rows[f"G1, landing on {place}, without and with proximity"] = Row(lands, text)
     for ground in g1.GROUND:
         pushed = along_axes(partial(g1.Case, urdf, feet, ground, "skin"))
-        rows[f"G1, balance on the {ground}"] = Row((pushed,), searches, FEW)
+        rows[f"G1, balance on the {ground}"] = Row((pushed,), searches)
     for kind in G1_ARM:
         for variant in g1_arm.VARIANTS[kind]:
             case = partial(g1_arm.G1Case, kind, variant, urdf=urdf, folder=arms)
-            rows[f"G1, {g1_arm.TITLES[kind]}: {variant}"] = Row((case,), partial(arm.numbers, kind), LONG)
+            rows[f"G1, {g1_arm.TITLES[kind]}: {variant}"] = Row((case,), partial(arm.numbers, kind))
     return rows
 
 
 def cases_of(row: Row, seeds: int, period: float) -> list[list[Any]]:
     """Return the cases of a row with one rate, a list for each of its kinds."""
-    return [[case(seed=seed, period=period) for seed in islice(range(seeds), row.seeds)] for case in row.cases]
+    return [[case(seed=seed, period=period) for seed in range(seeds)] for case in row.cases]
 
 
 def main() -> None:
     """Run all cases; print a table."""
-    given = g1.with_g1(arguments(__doc__, has_animation=False, seeds=4), (*g1_arm.COVERED, g1_arm.HAND)).parse_args()
+    given = g1.with_g1(arguments(__doc__, has_animation=False), (*g1_arm.COVERED, g1_arm.HAND)).parse_args()
     rows = of_robot()
     if given.urdf.exists():
         feet, arms = given.out / "g1", given.out / "g1_arm"
@@ -163,9 +157,7 @@ def main() -> None:
     texts = {}
     for (name, rate), kinds in cases.items():
         texts[name, rate] = rows[name].text(*[list(islice(found, len(some))) for some in kinds])
-    numbers = {name: str(len(kinds[0])) for (name, _), kinds in cases.items()}
-    table = [(name, numbers[name], *(texts[name, rate] for rate in PERIODS)) for name in rows]
-    report(given, ("experiment", "seeds", *PERIODS), table)
+    report(given, ("experiment", *PERIODS), [(name, *(texts[name, rate] for rate in PERIODS)) for name in rows])
 
 
 if __name__ == "__main__":

@@ -378,8 +378,9 @@ def test_comparison_ends_on_request_and_with_another_fit(bpy, ours, fitted, tmp_
     assert found.pairs == 6 and "COMPARED" not in {a.what for a in ours.drawing.shown_layers(fitted)}
     bpy.ops.skin_calib.compare(filepath=str(path))
     assert "COMPARED" in {a.what for a in ours.drawing.shown_layers(fitted)} and found.max > 0
+    assert bpy.ops.skin_calib.compare_end.poll()
     bpy.ops.skin_calib.compare_end()
-    assert not fitted.skin_calib.inspect.comparison.file
+    assert not fitted.skin_calib.inspect.comparison.file and not bpy.ops.skin_calib.compare_end.poll()
     assert "COMPARED" not in {a.what for a in ours.drawing.shown_layers(fitted)}
 
 

@@ -392,7 +392,7 @@ def test_what_the_other_kind_has_is_refused(bpy, addon, link, operator):
     with_entries(bpy)
     before = scene_state(bpy, addon)
     with pytest.raises(
-        RuntimeError, match="Error: Skin '(band|skin)' has no .+, which belong to Kind: .+\\. Change its kind"
+        RuntimeError, match="Error: Skin '(band|skin)' has no .+, which belong to Kind: .+\\. Choose such a skin"
     ):
         getattr(bpy.ops.skin_calib, operator)(**OTHER_KIND[operator])
     assert scene_state(bpy, addon) == before

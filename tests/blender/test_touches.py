@@ -52,7 +52,9 @@ def test_touches_are_reported_drawn_and_removed(bpy, ours, table):
     bpy.ops.ed.undo()
     assert not bpy.context.object.skin_calib.inspect.touches.file and shown(bpy, ours) == []
     bpy.ops.skin_calib.touches(filepath=str(table))
+    assert bpy.ops.skin_calib.touches_end.poll()
     bpy.ops.skin_calib.touches_end()
+    assert not bpy.ops.skin_calib.touches_end.poll()
     assert not bpy.context.object.skin_calib.inspect.touches.file and shown(bpy, ours) == []
 
 

@@ -173,7 +173,10 @@ def test_undo_of_an_edited_group_brings_the_boards_back(bpy, addon, excluding):
 
 
 def test_group_without_a_complete_face_is_a_warning(bpy, excluding, tmp_path):
-    """It excludes nothing: the state, the report of the fit and that of an export say so, until it has a face."""
+    """It excludes nothing: Check Mesh, the state and the reports of fit and export say so, until it has a face."""
+    bpy.ops.skin_calib.diagnose()
+    (line,) = (finding for finding in excluding.skin_calib.diagnosis.findings if finding.code == "fit")
+    assert line.severity == "warning" and "'screws' has no complete face" in line.message
     bpy.ops.skin_calib.fit()
     (warning,) = excluding.skin_calib.result.warnings
     assert warning.code == "empty-group" and warning.skin == excluding.skin_calib.skins[0].name

@@ -20,6 +20,7 @@ from ...common.warnings import Warning
 from ...geometry.mesh.defects import Diagnosis, diagnose
 from ..overlay import drawing
 from ..scene import link_meshes, link_objects, plans, results
+from ..scene.face_groups import empty_groups
 from ..scene.facets import Facets
 from ..scene.units import metres_per_unit
 from ..scene.warnings import refusal_of, write_warnings
@@ -89,6 +90,7 @@ def trial(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., W
     """
     try:
         plan, facets = plans.read_plan(link, context.scene), link_meshes.read_facets(link, context)
+        of_groups = empty_groups(link)
     except SkinCalibError as error:
         refusal = refusal_of(error)
         return lambda begin: refusal
@@ -99,7 +101,7 @@ def trial(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., W
         except SkinCalibError as error:
             return refusal_of(error)
         words = f"These settings fit: mean error {result.mean * 1e3:.2g} mm"
-        serious = [warning for warning in result.warnings if warning.severity != "note"]
+        serious = [warning for warning in (*result.warnings, *of_groups) if warning.severity != "note"]
         if not serious:
             return Warning("fit", "note", words)
         return replace(

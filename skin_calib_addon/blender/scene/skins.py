@@ -346,7 +346,9 @@ def of_kind(skin: Any, kind: str, what: str) -> Any:
     """
     if skin.kind != kind:
         label = next(choice.label for choice in SKIN_KINDS if choice.value == kind)
-        raise SkinCalibError(f"Skin {skin.name!r} has no {what}, which belong to Kind: {label}. Change its kind first.")
+        raise SkinCalibError(
+            f"Skin {skin.name!r} has no {what}, which belong to Kind: {label}. Choose such a skin, or add one."
+        )
     return skin
 
 

@@ -37,8 +37,8 @@ def test_a_check_lists_1000_findings():
 
 
 def test_messages_list_five_names():
-    """Five names are complete, of six the last one is missing."""
-    assert listed("abcde") == "a, b, c, d, e" and listed("abcdef") == "a, b, c, d, e, ..."
+    """Five names are complete; of more, the number of the others follows, and a full stop can be next to it."""
+    assert listed("abcde") == "a, b, c, d, e" and listed("abcdefg") == "a, b, c, d, e and 2 more"
 
 
 def nested(depth, inside=""):
