@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3.13 python3.11 python3; do \
 VENV ?= .venv
 BIN = $(VENV)/bin
 READY = $(VENV)/ready
-# The experiments of "make control", in examples/control/
+# The experiments of "make control", in examples/control/. A first look: make control OPTIONS="--seeds 1"
 CONTROL = landing impacts g1_landing balance g1 faults rates rates_others wrenches footholds replanning beam as_written planar_arm arm g1_arm
 # One process for each processor, or PYTEST_XDIST_AUTO_NUM_WORKERS of them, each with one thread for linear algebra.
 PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist worksteal
@@ -44,7 +44,7 @@ bench: $(VENV)/bench-ready  ## compare with the paper's method and with peers: t
 	$(BIN)/python benchmarks/run.py
 
 control: $(VENV)/control-ready  ## walk, land and balance with the skin in simulation: numbers, figures, animations
-	set -e; for name in $(CONTROL); do $(BIN)/python examples/control/$$name.py; done
+	set -e; for name in $(CONTROL); do $(BIN)/python examples/control/$$name.py $(OPTIONS); done
 
 wheel: $(READY)  ## the Python package in dist/; without what an earlier build left
 	rm -rf build
