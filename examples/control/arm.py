@@ -41,7 +41,7 @@ HAND_STIFFNESS, HAND_DAMPING, HAND_SPEED = 400.0, 40.0, 0.5  # [N/m, N s/m, m/s]
 POSTURE = {  # stiffness [N m/rad]
     "contacts": 4.0, "links": 4.0, "pressure": 40.0, "pain": 4.0, "near": 4.0, "heat": 4.0
 }  # fmt: skip
-AREA = 2.5e-4  # xi: at this area of contact, two cells, the pressure-driven wrench is the felt one [m^2]
+AREA = 2.5e-4  # xi: at this area of contact, 2.5 cells, the pressure-driven wrench is the felt one [m^2]
 PAIN = 10.0, 5.0, 0.5  # of the pressure-driven force: on and off [N, N], time below [s]. The thesis has 10 N
 REPULSION = 1e6  # per area of skin with a sensor [N/m^3]: one taxel of nine has one
 HOT, HEAT_LIMIT, HEAT_GAIN, AIR = 180.0, 31.0, 400.0, 22.0  # burner, limit [degC], gain [N/(K m^2)], air [degC]

@@ -48,7 +48,7 @@ START = np.array((0.2, -0.3, 0.0, 0.4, 0.0, 0.0, 0.0))  # [rad]
 ARM_STIFFNESS = 200.0  # of the servos of the arm, as in arm.py [N m/rad]
 FRICTION = 0.7  # of skin and probes
 SPACING = 0.014  # of the balls of the large probe, that of the boards [m]
-AREA = 3.3e-4  # xi: as in arm.py, two cells [m^2]
+AREA = 3.3e-4  # xi, of which arm.py has 2.5 cells; here these are two [m^2]
 VARIANTS = ARM_VARIANTS | {"links": ("stiff", "one link", "yields")}
 TITLES = ARM_TITLES | {
     "contacts": "a contact moves 6 cm inward",
