@@ -168,3 +168,11 @@ def test_readme_states_the_polygons_of_the_results():
     )
     inside, frames = (sum(map(int, column)) for column in zip(*re.findall(r"(\d+) of (\d+)", row[1])))
     assert f"in {inside} of {frames} frames" in (ROOT / "README.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda page: page.stem)
+def test_files_of_the_repository_exist(page):
+    """Each file that a page names by its path in the repository is there."""
+    folders = "benchmarks|examples|sample_scenes|scripts|skin_calib_addon|tests"
+    names = re.findall(rf"(?<![\w/.])(?:{folders})/[\w/.-]*\.\w+", page.read_text())
+    assert [name for name in names if not (ROOT / name).exists()] == []
