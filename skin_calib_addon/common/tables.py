@@ -32,10 +32,19 @@ def read_rows(text: str) -> Iterator[tuple[int, list[str]]]:
     """
     lines = text.split("\n")
     head = next((content for content in lines if content.strip() and not content.startswith("#")), "")
-    reader, last = csv.reader(lines, delimiter=max(SEPARATORS, key=head.count), strict=True), 0
+    last, is_inside = 0, False  # of a row
+
+    def without_comments() -> Iterator[str]:
+        """Yield the lines; a quotation mark in a comment opens no cell."""
+        nonlocal is_inside
+        for content in lines:
+            is_comment, is_inside = content.startswith("#") and not is_inside, True
+            yield "" if is_comment else content
+
+    reader = csv.reader(without_comments(), delimiter=max(SEPARATORS, key=head.count), strict=True)
     try:
         for row in reader:
-            last = reader.line_num
+            last, is_inside = reader.line_num, False
             if any(cell.strip() for cell in row) and not row[0].startswith("#"):
                 yield last, row
     except csv.Error as problem:  # belongs to the row after the last one

@@ -131,8 +131,14 @@ def _used_names(names: Sequence[str]) -> list[str]:
             raise CloudError(
                 "missing-column", "", f"has no column {show(alike[0])}; its columns are {show(' '.join(names))}"
             )
-    normal = found[3:] if None not in found[3:] else []
-    return [name for name in (*found[:3], *normal, CHANNEL if CHANNEL in names else None) if name is not None]
+    if any(found[3:]) and None in found[3:]:
+        missing = NORMAL[found[3:].index(None)][0]
+        raise CloudError("missing-column", "", f"has a normal without the column {show(missing)}; export it, too")
+    used = [name for name in (*found, CHANNEL if CHANNEL in names else None) if name is not None]
+    for name in used:
+        if names.count(name) > 1:
+            raise CloudError("duplicate-column", "", f"names the column {show(name)} twice")
+    return used
 
 
 def fill_draft(draft: Draft, columns: dict[str, list[float]], labels: dict[int, str]) -> None:
@@ -185,7 +191,7 @@ def cloud_of(calibration: LinkCalibration) -> tuple[list[str], list[str], tuple[
     return comments, rows, names
 
 
-def rows_of(text: str, first: int, count: int) -> list[tuple[int, str]]:
+def rows_of(text: str, first: int, count: int, is_all: bool) -> list[tuple[int, str]]:
     """Return the first lines that are not empty, with their line numbers.
 
     Parameters
@@ -196,15 +202,20 @@ def rows_of(text: str, first: int, count: int) -> list[tuple[int, str]]:
         Number of its first line.
     count : int
         Number of points.
+    is_all : bool
+        Whether the file has points only.
 
     Raises
     ------
     CloudError
-        If there are fewer than ``count`` lines.
+        If there are fewer than ``count`` lines, or more in a file of points only.
     """
     rows = [(number, content) for number, content in enumerate(text.split("\n"), first) if content.strip()]
     if len(rows) < count:
         raise CloudError("size", "", f"is truncated: the header announces {count} points, {len(rows)} were found")
+    if is_all and len(rows) > count:
+        message = f"is after the last point: the header announces {count} points, {len(rows)} were found"
+        raise CloudError("size", line(rows[count][0]), message)
     return rows[:count]
 
 

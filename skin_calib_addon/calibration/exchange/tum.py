@@ -7,8 +7,8 @@ import numpy as np
 
 from ...common.arrays import Array
 from ...common.errors import CalibrationFormatError
-from ...common.findings import Finding, error, warning
-from ...common.text import MAX_TAXELS, NumberError, real
+from ...common.findings import Finding, error, show, warning
+from ...common.text import MAX_TAXELS
 from ..model import LinkCalibration
 from .link_taxels import LinkTaxels, taxels_of
 from .taxel_set import Draft, line
@@ -72,6 +72,8 @@ def _read_node(patches: Patches, node: Node) -> Iterator[Finding]:
         patches.cells.append(cell)
     elif node.tag == "patchExtrinsics":
         patch = node.attribute("patchId")
+        if patch in patches.bases:
+            raise XmlError("syntax", node.line, f"is a second patchExtrinsics of patch {show(patch)}; keep one")
         patches.frames[patch] = node.attributes.get("baseFrame", "")
         patches.bases[patch] = _pose(node.child(ROOT_TO_BASE))
         shift, turn = _pose(node.child(BASE_TO_DH))
@@ -139,13 +141,12 @@ def _matrix(node: Node, name: str, columns: int) -> Array:
         i, j = element.whole("row"), element.whole("col")
         if not (0 <= i < 3 and 0 <= j < columns):
             raise XmlError("size", element.line, f"contains element ({i}, {j}) of {name}, which is 3 x {columns}")
-        try:
-            found[i, j] = real(element.text.strip())
-        except NumberError as problem:
-            raise XmlError(problem.code, element.line, str(problem)) from problem
+        found[i, j] = element.number()
     if np.isnan(found).any():
         i, j = (int(k) for k in np.argwhere(np.isnan(found))[0])
         raise XmlError("missing", holder.line, f"starts a matrix without element ({i}, {j})")
+    if len(holder.children) > found.size:
+        raise XmlError("syntax", holder.line, f"starts a matrix {name} that repeats an element; export the file again")
     return found
 
 

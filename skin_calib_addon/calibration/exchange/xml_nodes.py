@@ -6,13 +6,13 @@ from xml.parsers import expat
 
 from ...common.findings import error, show
 from ...common.plain_text import BLOCK_LENGTH
-from ...common.text import NumberError, whole
+from ...common.text import NumberError, real, shown, whole
 from .taxel_set import line
 
 # Larger values of the next three: more memory for a malicious file.
 MAX_XML_DEPTH = 16  # nesting levels
 MAX_CHILD_NODES = 1000  # in one child of the root, by default; a cell has about 25
-MAX_TEXT_LENGTH = 64  # characters of text that a node keeps; it contains one number
+MAX_TEXT_LENGTH = 64  # characters of text of a number
 
 
 class XmlError(Exception):
@@ -53,6 +53,17 @@ class Node:
             return whole(self.attribute(name).strip())
         except NumberError as problem:
             raise XmlError(problem.code, self.line, f"{problem} ({self.tag} {name})") from problem
+
+    def number(self) -> float:
+        """Return the number that is the text of the element; raise XmlError if it is not a finite number."""
+        word = self.text.strip()
+        if len(word) > MAX_TEXT_LENGTH:  # only its beginning is kept, without the exponent
+            message = f"has {shown(word)} instead of a number of at most {MAX_TEXT_LENGTH} characters"
+            raise XmlError("number", self.line, message)
+        try:
+            return real(word)
+        except NumberError as problem:
+            raise XmlError(problem.code, self.line, str(problem)) from problem
 
 
 def children_of_root(text: str, root: str, most_nodes: int = MAX_CHILD_NODES) -> Iterator[Node]:
@@ -97,8 +108,8 @@ def children_of_root(text: str, root: str, most_nodes: int = MAX_CHILD_NODES) ->
             done.append(node)
 
     def data(piece: str) -> None:
-        if len(path[-1].text) < MAX_TEXT_LENGTH:
-            path[-1].text = (path[-1].text.lstrip() + piece)[:MAX_TEXT_LENGTH]
+        if len(path[-1].text) <= MAX_TEXT_LENGTH:
+            path[-1].text = (path[-1].text + piece).lstrip()[: MAX_TEXT_LENGTH + 1]
 
     def entity(*_: object) -> None:
         raise XmlError("entity", parser.CurrentLineNumber, "declares an entity; remove it from the document")

@@ -24,6 +24,7 @@ from tests.exchange_samples import (
 )
 
 ROUND, OUTWARD = points_round(12)
+BARE_PLY = ply_text(ROUND).replace("element face 1\nproperty list uchar int vertex_indices\n", "")[: -len("3 0 1 2\n")]
 
 
 @pytest.fixture
@@ -171,6 +172,9 @@ def test_tum_patch_without_pose_stays_in_its_root_cell(read):
         (('row="2" col="0">0.0<', 'row="2" col="0">1e999<'), "not-finite", "has '1e999'"),
         (('row="2" col="2">1.0<', 'row="2" col="2">-1.0<'), "rotation", "has a matrix rot that is not a rotation"),
         (('row="2" col="2">1.0<', 'row="2" col="2">1e300<'), "rotation", "has a matrix rot that is not a rotation"),
+        (("0.0<", f"1.{'3' * 70}e-9<"), "number", "instead of a number of at most 64 characters"),
+        (("0.0<", '0.0</element><element row="0" col="0">0.5<'), "syntax", "a matrix pos that repeats an element"),
+        (("<cell", '<patchExtrinsics patchId="2"/><cell'), "syntax", 'second patchExtrinsics of patch "2"'),
     ],
 )
 def test_tum_reader_reports_errors_with_lines(read, change, code, words):
@@ -245,6 +249,16 @@ def test_separators_and_line_ends_are_accepted(read, separator, ending):
     taxels = read(b"\xef\xbb\xbf" + content.replace("\n", ending).encode())
     assert (taxels.positions == ROUND).all() and taxels.normals is None
     assert_allclose(taxels.tangents, OUTWARD, rtol=0, atol=1e-12)
+
+
+def test_a_quotation_mark_in_a_comment_takes_no_rows(read):
+    """A comment ends with its line; a line of a cell with quotation marks is no comment."""
+    header, *rows = csv_text(ROUND).splitlines()
+    rows.insert(3, '# old,"row')
+    rows.insert(6, '# row",old')
+    assert (read("\n".join((header, *rows))).positions == ROUND).all()
+    taxels = read('x,y,z,note\n0,0,0.1,"two\n# lines"\n0,0,0.2,one\n')
+    assert taxels.positions.tolist() == [[0, 0, 0.1], [0, 0, 0.2]]
 
 
 def test_frame_of_a_table_is_the_one_that_all_rows_name(read):
@@ -511,6 +525,11 @@ def test_viewpoint_of_a_cloud_is_reported(read):
         (pcd_text(ROUND), ("SIZE 4", "SIZE"), "has another number of fields than SIZE, TYPE or COUNT"),
         (pcd_text(ROUND), ("\n0.03 ", "\nnan "), "line 12 has 'nan' instead of a finite number"),
         (pcd_text(ROUND, "x y channel"), ("", ""), 'has no column "z"; its columns are'),
+        (pcd_text(ROUND), ("POINTS 12", "POINTS 11"), "line 23 is after the last point: .* 11 points, 12 were found"),
+        (BARE_PLY, ("vertex 12", "vertex 11"), "line 20 is after the last point: .* 11 points, 12 were found"),
+        (BARE_PLY, ("end_header", "element vertex 1\nend_header"), "line 8 names a second element vertex"),
+        (BARE_PLY, ("float z", "float z\nproperty float x"), 'names the column "x" twice'),
+        (ply_text(ROUND, OUTWARD), ("float nz", "float quality"), 'has a normal without the column "nz"'),
         (
             pcd_text(np.column_stack((ROUND, ROUND)), "x y z channel b c"),
             ("", ""),
