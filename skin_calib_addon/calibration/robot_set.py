@@ -214,6 +214,25 @@ def unlisted(robot: RobotSet, folder: Path) -> Iterator[Finding]:
             yield error("not-listed", "/links", f"{message}, which is of the link {show(link)}; {advice}")
 
 
+def changed_urdf(robot: RobotSet, folder: Path) -> Iterator[Finding]:
+    """Yield a warning if the URDF is not the one with which the links were compared.
+
+    Parameters
+    ----------
+    robot : RobotSet
+        The set.
+    folder : Path
+        Its folder.
+    """
+    if robot.urdf is None:
+        return
+    now = file_hash(folder / robot.urdf.file)
+    if now is None:
+        yield warning("no-urdf", "/urdf/file", "does not exist: links were not compared with it", robot.urdf.file)
+    elif now != robot.urdf.sha256:
+        yield warning("outdated", "/urdf/file", "has changed; fit the plans again, with this URDF", robot.urdf.file)
+
+
 def link_of(calibration: Path) -> str | None:
     """Return the link of a calibration file; None if it cannot be read."""
     try:

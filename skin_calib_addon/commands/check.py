@@ -10,7 +10,6 @@ from typing import Any
 from ..calibration import robot_set
 from ..calibration.file import check_bytes
 from ..common.errors import CalibrationFormatError, OutputError, SkinCalibError, counted
-from ..common.file_hash import file_hash
 from ..common.findings import Finding, did_you_mean, error, printable, show, warning
 from ..common.strict_json import parse, read
 from ..pipeline.robot_folder import same_link
@@ -110,14 +109,10 @@ def _check_robot(path: Path) -> Iterator[Finding]:
     robot = robot_set.load_robot_set(path)
     yield from robot_set.calibrations_of(robot, path.parent)[1]
     yield from robot_set.unlisted(robot, path.parent)
-    if robot.urdf is None:
+    of_urdf = tuple(robot_set.changed_urdf(robot, path.parent))
+    yield from of_urdf
+    if robot.urdf is None or any(finding.code == "no-urdf" for finding in of_urdf):
         return
-    now = file_hash(path.parent / robot.urdf.file)
-    if now is None:
-        yield warning("no-urdf", "/urdf/file", "does not exist: links were not compared with it", robot.urdf.file)
-        return
-    if now != robot.urdf.sha256:
-        yield warning("outdated", "/urdf/file", "has changed; fit the plans again, with this URDF", robot.urdf.file)
     try:
         content = read_robot(path.parent / robot.urdf.file)
     except CalibrationFormatError as problem:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..calibration.exchange import FORMATS, WRITABLE, only_patches
 from ..calibration.file import load_calibration
-from ..calibration.robot_set import FILE, calibrations_of, is_robot, load_robot_set, robot_file, unlisted
+from ..calibration.robot_set import FILE, calibrations_of, changed_urdf, is_robot, load_robot_set, robot_file, unlisted
 from ..common.atomic_file import check_writable, make_folder, write_bytes_safely
 from ..common.errors import OutputError, SkinCalibError, counted
 from ..robot.mjcf import MARK, robot_mjcf
@@ -72,6 +72,7 @@ def _export_robot(options: argparse.Namespace) -> int:
     calibrations, findings = calibrations_of(robot, folder)
     findings += tuple(unlisted(robot, folder))
     problems = [f"{FILE}: {finding}" for finding in findings if finding.severity == "error"]
+    outdated = [f"{FILE}: {finding}" for finding in changed_urdf(robot, folder)]
     urdf = folder / robot.urdf.file
     mesh_folder = options.output.with_name(f"{options.output.stem}_meshes")
     content = read_robot(urdf)
@@ -80,7 +81,7 @@ def _export_robot(options: argparse.Namespace) -> int:
     check_target(options.output, *inputs)
     for name in model.meshes:
         _check_mesh_file(mesh_folder / name, inputs)
-    for line in (*problems, *model.problems):
+    for line in (*problems, *outdated, *model.problems):
         complain(line)
     make_folder(mesh_folder)
     for name, data in model.meshes.items():

@@ -6,7 +6,16 @@ from pathlib import Path
 
 from ..calibration.file import load_with_warnings
 from ..calibration.model import LinkCalibration
-from ..calibration.robot_set import FILE, RobotSet, calibrations_of, is_robot, load_robot_set, robot_file, unlisted
+from ..calibration.robot_set import (
+    FILE,
+    RobotSet,
+    calibrations_of,
+    changed_urdf,
+    is_robot,
+    load_robot_set,
+    robot_file,
+    unlisted,
+)
 from ..common.errors import counted
 from ..common.findings import show
 from ..pipeline.report import area_table, covered_area, robot_table, seen_area, table
@@ -91,6 +100,8 @@ def _draw_robot(robot: RobotSet, folder: Path, calibrations: Mapping[str, LinkCa
     content = read_robot(urdf)
     poses = link_poses(content)
     meshes, broken = load_urdf_meshes(urdf, content)
+    for finding in changed_urdf(robot, folder):
+        complain(f"{FILE}: {finding}")
     problems = [f"{content.file} has no link {show(link)}" for link in calibrations if link not in poses]
     problems += [f"{link} is not in the picture: {problem}" for link, problem in broken.items()]
     for line in problems:

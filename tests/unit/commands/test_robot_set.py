@@ -255,6 +255,28 @@ def test_folder_without_the_set_says_so(robot, capsys):
     assert not check(robot, capsys)[1]
 
 
+@pytest.mark.parametrize(
+    "command",
+    [["show", "out", "--picture", "bot.png"], ["export", "out", "--to", "mjcf", "-o", "b.xml"]],
+)
+def test_changed_urdf_is_named_where_it_is_used(robot, capsys, monkeypatch, command):
+    """The skins were not compared with it; ``check`` says the same."""
+    monkeypatch.chdir(robot)
+    if "--picture" in command:
+        pytest.importorskip("matplotlib")
+    if "export" in command:
+        pytest.importorskip("mujoco")
+    capsys.readouterr()
+    assert main(command) == 0 and "outdated" not in capsys.readouterr().err
+    urdf = robot / "bot.urdf"
+    urdf.write_text(
+        urdf.read_text().replace('name="b" type="revolute">', 'name="b" type="fixed"><origin xyz="0 0 1"/>')
+    )
+    assert main(command) == 0
+    assert "warning: /urdf/file has changed; fit the plans again, with this URDF" in capsys.readouterr().err
+    assert "/urdf/file has changed; fit the plans again" in " ".join(check(robot, capsys)[1])
+
+
 def test_show_lists_all_links(robot, capsys):
     """A line for each link with its numbers, and one for all; a link with a changed file gives exit code 1."""
     edit(robot, bus=["can0", "can1"])
