@@ -70,10 +70,13 @@ def _check_one(path: Path, mesh: Path | None) -> int:
         return WRONG_DATA
     notes: list[str] = []
     document, findings = parse(data)
-    if isinstance(document, dict) and document.get("format") == FORMAT:
+    format = document.get("format") if isinstance(document, dict) else None
+    if mesh is not None and format in (FORMAT, robot_set.FORMAT):
+        complain(f"warning: --mesh is for a calibration, and {path} is none: {mesh} was not compared")
+    if format == FORMAT:
         findings = tuple(findings) or check_plan_wholly(document)
         findings = findings or tuple(_plan_warnings(path, document))
-    elif isinstance(document, dict) and document.get("format") == robot_set.FORMAT:
+    elif format == robot_set.FORMAT:
         findings = tuple(findings) or robot_set.check_robot_document(document) or tuple(_check_robot(path))
     else:
         document, findings = check_bytes(data)

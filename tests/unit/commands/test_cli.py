@@ -601,6 +601,9 @@ def test_check_goes_through_folders(folder, capsys):
     assert names == [str(folder / name) for name in expected]
     assert err.count("\n") == 1 and "none.json" in err
     assert_refused(capsys, 2, "--mesh needs exactly one file", "check", folder, "--mesh", folder / "tube.ply")
+    assert main(["check", str(folder / "tube.plan.json"), "--mesh", str(folder / "tube.ply")]) == 0
+    words = f"warning: --mesh is for a calibration, and {folder / 'tube.plan.json'} is none: {folder / 'tube.ply'} was"
+    assert f"{words} not compared\n" in capsys.readouterr().err
 
 
 def test_check_names_taxels_and_counts(tmp_path, capsys):
