@@ -2,11 +2,12 @@
 
 import argparse
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from ..calibration.exchange import FORMATS, WRITABLE, only_patches
 from ..calibration.file import load_calibration
+from ..calibration.model import LinkCalibration
 from ..calibration.robot_set import FILE, calibrations_of, changed_urdf, is_robot, load_robot_set, robot_file, unlisted
 from ..common.atomic_file import check_writable, make_folder, write_bytes_safely
 from ..common.errors import OutputError, SkinCalibError, counted
@@ -56,6 +57,8 @@ def run(options: argparse.Namespace) -> int:
     if options.patch:
         calibration = only_patches(calibration, options.patch)
     write_bytes_safely(options.output, format.write(calibration))
+    for line in _of_fit(calibration):
+        complain(line)
     taxels, patches = sum(len(patch.taxels.ids) for patch in calibration.patches), len(calibration.patches)
     say(f"{options.output}: {format.what}, {taxels} taxels in {patches} patches; ids in the file: {format.labels}")
     return DONE
@@ -81,7 +84,8 @@ def _export_robot(options: argparse.Namespace) -> int:
     check_target(options.output, *inputs)
     for name in model.meshes:
         _check_mesh_file(mesh_folder / name, inputs)
-    for line in (*problems, *outdated, *model.problems):
+    of_fits = [line for calibration in calibrations.values() for line in _of_fit(calibration)]
+    for line in (*problems, *outdated, *of_fits, *model.problems):
         complain(line)
     make_folder(mesh_folder)
     for name, data in model.meshes.items():
@@ -100,6 +104,16 @@ def _export_robot(options: argparse.Namespace) -> int:
     if model.balanced:
         say(f"no rigid body has the inertia that the URDF states; MuJoCo changed it: {', '.join(model.balanced)}")
     return WRONG_DATA if problems or model.problems else DONE
+
+
+def _of_fit(calibration: LinkCalibration) -> Iterator[str]:
+    """Yield a line if the fit of a calibration had warnings, which the formats of other programs do not have."""
+    found = [warning for warning in calibration.warnings if warning.severity != "note"]
+    if found:
+        yield (
+            f"{found[0].severity}: {calibration.link}: the calibration states {counted(len(found), 'warning')}, "
+            f"the worst: {found[0]}"
+        )
 
 
 def _check_mesh_file(target: Path, inputs: Iterable[Path]) -> None:

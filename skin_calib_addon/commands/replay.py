@@ -13,6 +13,8 @@ from ..runtime import Frame, Skin, load
 from ..runtime.modalities import FORCE
 from .common import DONE, check_kept, check_picture, check_target, complain, count, file_name, named_path, newtons, say
 
+LONG_STEP = 1.0  # between frames, above which the time may be in other units, such as nanoseconds [s]
+
 
 def add(commands) -> None:
     replay = commands.add_parser("replay", help="process recorded readings with the runtime")
@@ -82,6 +84,12 @@ def run(options: argparse.Namespace) -> int:
     if options.output:
         lines = [json.dumps(frame_document(frame), separators=(",", ":"), allow_nan=False) for frame in frames]
         write_bytes_safely(options.output, ("\n".join(lines) + "\n").encode())
+    for name in skin.modalities:
+        if name != FORCE and name not in others:
+            complain(f"warning: the recording has no readings of {name}, which the calibration has")
+    step = float(np.median(np.diff([frame.time for frame in frames]))) if len(frames) > 1 else 0.0
+    if step > LONG_STEP:
+        complain(f"warning: frames are {step:g} s apart (median): time must be in seconds")
     for flag, times in sorted(Counter(flag for frame in frames for flag in frame.flags).items()):
         complain(f"warning: {flag} in {times} of {len(frames)} frames")
     say(_summary(skin, frames))

@@ -1,12 +1,14 @@
 """``touches``: compare a calibration with measured touches, and refine the poses of its skins."""
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 
 from ..calibration.file import load_calibration
 from ..calibration.model import LinkCalibration
 from ..common.errors import InvalidPlan
 from ..common.strict_json import parse, read
+from ..common.warnings import Warning
 from ..pipeline import calibrate
 from ..pipeline.refine import refine
 from ..pipeline.touch_distance import check_touches
@@ -54,14 +56,15 @@ def run(options: argparse.Namespace) -> int:
     say(f"link             {calibration.link}, {_count(calibration)} taxels")
     say(f"touches          {len(touches.taxels)}, of {len(set(touches.taxels))} taxels")
     _report(found)
-    for warning in (warning for placement in found for warning in placement.warnings()):
-        complain(f"{warning.severity}: {warning}")
+    of_fit = result.warnings if result else ()
+    _warn((*of_fit, *(warning for placement in found for warning in placement.warnings())))
     if options.refine and plan and result:
         refined = refine(plan, result, touches)
         found = refined.placements
         save_plan(named_from(refined.plan, options.output.absolute().parent), options.output)
         say(f"plan             {options.output}; after the refinement:")
         _report(found)
+        _warn(warning for warning in refined.calibration.warnings if warning not in of_fit)
     if options.picture:
         from ..pictures.touches import draw_touches  # matplotlib is optional
 
@@ -76,6 +79,11 @@ def _is_plan(path: Path) -> bool:
 
 def _count(calibration: LinkCalibration) -> int:
     return sum(len(patch.taxels.ids) for patch in calibration.patches)
+
+
+def _warn(warnings: Iterable[Warning]) -> None:
+    for warning in warnings:
+        complain(f"{warning.severity}: {warning}")
 
 
 def _report(found: list[Placement]) -> None:

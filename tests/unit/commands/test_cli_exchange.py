@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.calibration import load_calibration, save_calibration
 from skin_calib_addon.calibration.exchange import FORMATS, READABLE, WRITABLE, read_taxels
 from skin_calib_addon.cli import main
+from skin_calib_addon.common.warnings import Warning
 from tests.exchange_samples import csv_text, icub_text, matrix, robot_text
 from tests.samples import boards, seven_boards, sheet, small_calibration
 from tests.shapes import LENGTH, RADIUS
@@ -48,6 +49,17 @@ def test_export_writes_a_file_of_the_format(flat, tmp_path, capsys, name):
     text, err = capsys.readouterr()
     assert err == "" and text.count("\n") == 1 and FORMATS[name].labels in text and "9 taxels in 2 patches" in text
     assert {p.name for p in tmp_path.iterdir()} == {"flat.json", "out"}
+
+
+def test_export_prints_the_worst_warning_of_the_fit(tmp_path, capsys):
+    """The formats of other programs have no warnings; notes are not repeated."""
+    found = [Warning(code, severity, f"About {code}.") for code, severity in (("undercut", "warning"), ("a", "note"))]
+    for number, warnings in ((1, found), (0, found[1:])):
+        save_calibration(small_calibration(patches=(boards(),), warnings=tuple(warnings)), tmp_path / "c.json")
+        assert main(["export", str(tmp_path / "c.json"), "--to", "csv", "-o", str(tmp_path / "out.csv")]) == 0
+        err = capsys.readouterr().err
+        assert err.count("forearm: the calibration states 1 warning, the worst: About undercut. [undercut]") == number
+        assert err.count("\n") == number
 
 
 def test_export_takes_patches_by_name(flat, tmp_path, capsys):

@@ -270,9 +270,19 @@ def test_replay_takes_modalities_of_an_npz_file(calibration, tmp_path, capsys):
         pairs = [(a, b) for a, b in zip(near["values"], expected) if b is not None]
         np.testing.assert_allclose(*np.array(pairs).T, rtol=0, atol=1e-15)
         assert line["touched"] is True and line["flags"] == []
+    assert capsys.readouterr().err == ""
     assert main(["replay", str(path), str(as_csv(tmp_path / "r.csv", time, rows)), "-o", str(out), "--on", "0.2"]) == 0
     assert "modalities" not in json.loads(out.read_text().splitlines()[0])
-    capsys.readouterr()
+    assert "warning: the recording has no readings of proximity" in capsys.readouterr().err
+
+
+def test_times_in_nanoseconds_are_a_warning(calibration, tmp_path, capsys):
+    """Frames that are more than a second apart: the time of a recording is in seconds."""
+    time, rows = readings(5)
+    for factor, is_long in ((1, False), (1e9, True)):
+        np.savez(tmp_path / "r.npz", time=time * factor, readings=rows)
+        assert main(["replay", str(calibration), str(tmp_path / "r.npz")]) == 0
+        assert ("frames are 4e+06 s apart (median): time must be in seconds" in capsys.readouterr().err) == is_long
 
 
 def test_wrong_modalities_of_a_recording_are_refused_or_flagged(calibration, tmp_path, capsys):

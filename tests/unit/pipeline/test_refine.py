@@ -1,5 +1,6 @@
 """``skin-calib touches``: skins move to the touches; invalid calls and tables write no file."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from shutil import copy
@@ -253,6 +254,17 @@ def test_line_of_a_skin_has_its_full_name(folder, capsys):
         (folder / file).write_text((folder / file).read_text().replace("band", name))
     assert touches(folder, "cone.plan.json") == 0
     assert f"{name} shifted 2.0" in capsys.readouterr().out
+
+
+def test_command_prints_the_warnings_of_the_fit_and_of_the_refined_plan(folder, capsys):
+    """A second skin over the touched one: the warning comes with the plan, and anew where the refined skin overlaps."""
+    plan = json.loads((folder / "cone.plan.json").read_text())
+    plan["skins"].append({**plan["skins"][0], "name": "other", "first_channel": 100})
+    (folder / "cone.plan.json").write_text(json.dumps(plan))
+    assert touches(folder, "cone.plan.json") == 0
+    assert capsys.readouterr().err.count("[skins-overlap]") == 1
+    assert touches(folder, "cone.plan.json", "--refine", "-o", folder / "moved.plan.json") == 0
+    assert capsys.readouterr().err.count("[skins-overlap]") == 2
 
 
 @pytest.mark.parametrize(
