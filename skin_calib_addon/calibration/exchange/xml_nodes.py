@@ -12,7 +12,7 @@ from .taxel_set import line
 # Larger values of the next three: more memory for a malicious file.
 MAX_XML_DEPTH = 16  # nesting levels
 MAX_CHILD_NODES = 1000  # in one child of the root, by default; a cell has about 25
-MAX_TEXT_LENGTH = 64  # characters of text of a number
+MAX_TEXT_LENGTH = 64  # characters of text that a node keeps; the number that it contains has fewer
 
 
 class XmlError(Exception):
@@ -56,12 +56,11 @@ class Node:
 
     def number(self) -> float:
         """Return the number that is the text of the element; raise XmlError if it is not a finite number."""
-        word = self.text.strip()
-        if len(word) > MAX_TEXT_LENGTH:  # only its beginning is kept, without the exponent
-            message = f"has {shown(word)} instead of a number of at most {MAX_TEXT_LENGTH} characters"
+        if len(self.text) == MAX_TEXT_LENGTH:  # only its beginning may be kept, without the exponent
+            message = f"has {shown(self.text)} instead of a number of less than {MAX_TEXT_LENGTH} characters"
             raise XmlError("number", self.line, message)
         try:
-            return real(word)
+            return real(self.text.strip())
         except NumberError as problem:
             raise XmlError(problem.code, self.line, str(problem)) from problem
 
@@ -108,8 +107,8 @@ def children_of_root(text: str, root: str, most_nodes: int = MAX_CHILD_NODES) ->
             done.append(node)
 
     def data(piece: str) -> None:
-        if len(path[-1].text) <= MAX_TEXT_LENGTH:
-            path[-1].text = (path[-1].text + piece).lstrip()[: MAX_TEXT_LENGTH + 1]
+        if len(path[-1].text) < MAX_TEXT_LENGTH:
+            path[-1].text = (path[-1].text + piece).lstrip()[:MAX_TEXT_LENGTH]
 
     def entity(*_: object) -> None:
         raise XmlError("entity", parser.CurrentLineNumber, "declares an entity; remove it from the document")

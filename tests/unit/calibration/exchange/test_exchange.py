@@ -172,7 +172,7 @@ def test_tum_patch_without_pose_stays_in_its_root_cell(read):
         (('row="2" col="0">0.0<', 'row="2" col="0">1e999<'), "not-finite", "has '1e999'"),
         (('row="2" col="2">1.0<', 'row="2" col="2">-1.0<'), "rotation", "has a matrix rot that is not a rotation"),
         (('row="2" col="2">1.0<', 'row="2" col="2">1e300<'), "rotation", "has a matrix rot that is not a rotation"),
-        (("0.0<", f"1.{'3' * 70}e-9<"), "number", "instead of a number of at most 64 characters"),
+        (("0.0<", f"1.{'3' * 70}e-9<"), "number", "instead of a number of less than 64 characters"),
         (("0.0<", '0.0</element><element row="0" col="0">0.5<'), "syntax", "a matrix pos that repeats an element"),
         (("<cell", '<patchExtrinsics patchId="2"/><cell'), "syntax", 'second patchExtrinsics of patch "2"'),
     ],
