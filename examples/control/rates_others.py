@@ -26,7 +26,7 @@ from experiment import arguments, count, distances, report, run_all, spread
 from rates import PERIODS
 
 SPEED = 0.4  # of landing without proximity [m/s]
-WALK_STEPS, BEAM_STEPS, G1_STEPS = 2, 20, 4  # of a walk with a fault, on the beam, of the G1 on flat ground
+WALK_STEPS, BEAM_STEPS, G1_STEPS = 2, 10, 4  # of a walk with a fault, on the beam, of the G1 on flat ground
 BEAM_WIDTH = 0.08  # [m]
 G1_ARM = ("contacts", "near")
 RUNS = {module.Case: module.run for module in (landing, balance, replanning, faults, beam, arm, g1_landing, g1)}
