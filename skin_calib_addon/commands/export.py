@@ -11,6 +11,7 @@ from ..calibration.model import LinkCalibration
 from ..calibration.robot_set import FILE, calibrations_of, changed_urdf, is_robot, load_robot_set, robot_file, unlisted
 from ..common.atomic_file import check_writable, make_folder, write_bytes_safely
 from ..common.errors import OutputError, SkinCalibError, counted
+from ..common.warnings import worst_first
 from ..robot.mjcf import MARK, robot_mjcf
 from ..robot.urdf import read_robot
 from .common import (
@@ -108,7 +109,7 @@ def _export_robot(options: argparse.Namespace) -> int:
 
 def _of_fit(calibration: LinkCalibration) -> Iterator[str]:
     """Yield a line if the fit of a calibration had warnings, which the formats of other programs do not have."""
-    found = [warning for warning in calibration.warnings if warning.severity != "note"]
+    found = worst_first(warning for warning in calibration.warnings if warning.severity != "note")
     if found:
         yield (
             f"{found[0].severity}: {calibration.link}: the calibration states {counted(len(found), 'warning')}, "

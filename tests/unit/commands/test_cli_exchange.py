@@ -53,13 +53,13 @@ def test_export_writes_a_file_of_the_format(flat, tmp_path, capsys, name):
 
 def test_export_prints_the_worst_warning_of_the_fit(tmp_path, capsys):
     """The formats of other programs have no warnings; notes are not repeated."""
-    found = [Warning(code, severity, f"About {code}.") for code, severity in (("undercut", "warning"), ("a", "note"))]
-    for number, warnings in ((1, found), (0, found[1:])):
-        save_calibration(small_calibration(patches=(boards(),), warnings=tuple(warnings)), tmp_path / "c.json")
+    kinds = (("a", "note"), ("flat", "warning"), ("undercut", "warning"))
+    note, *others = (Warning(code, severity, f"About {code}.") for code, severity in kinds)
+    line = "skin-calib: warning: forearm: the calibration states 2 warnings, the worst: About undercut. [undercut]\n"
+    for warnings, expected in (((note, *others), line), ((note,), "")):
+        save_calibration(small_calibration(patches=(boards(),), warnings=warnings), tmp_path / "c.json")
         assert main(["export", str(tmp_path / "c.json"), "--to", "csv", "-o", str(tmp_path / "out.csv")]) == 0
-        err = capsys.readouterr().err
-        assert err.count("forearm: the calibration states 1 warning, the worst: About undercut. [undercut]") == number
-        assert err.count("\n") == number
+        assert capsys.readouterr().err == expected
 
 
 def test_export_takes_patches_by_name(flat, tmp_path, capsys):
