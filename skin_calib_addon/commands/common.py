@@ -11,6 +11,7 @@ from ..calibration.exchange import FORMATS
 from ..common.atomic_file import is_same_file
 from ..common.errors import OutputError
 from ..common.findings import printable
+from ..common.warnings import Warning
 from ..pipeline.sources import names_file
 
 DONE = 0  # Contract: exit code
@@ -29,6 +30,20 @@ def say(text: str) -> None:
 def complain(message: str) -> None:
     """Print a message on one line of stderr, with control characters escaped."""
     print("skin-calib:", printable(" ".join(message.splitlines())), file=sys.stderr)
+
+
+def warn(warnings: Iterable[Warning], which: str = "") -> None:
+    """Print each warning with its severity on one line of stderr.
+
+    Parameters
+    ----------
+    warnings : iterable of Warning
+        Of a fit, touches or responses.
+    which : str
+        What the warnings are of, with a colon and a space; printed in front.
+    """
+    for warning in warnings:
+        complain(f"{which}{warning.severity}: {warning}")
 
 
 def check_target(target: Path | None, *others: Path | None) -> None:

@@ -30,6 +30,7 @@ from .common import (
     names_folder,
     not_empty,
     say,
+    warn,
 )
 from .fit_jobs import Job, Outcome, outcomes
 from .progress import Progress
@@ -250,8 +251,7 @@ def _carry_out(jobs: list[Job], processes: int) -> int:
 
 def _report(outcome: Outcome, which: str) -> None:
     """Print the outcome of a link; completely if it is the only one."""
-    for warning in outcome.warnings:
-        complain(f"{which}{warning.severity}: {warning}")
+    warn(outcome.warnings, which)
     if outcome.state == "failed":
         complain(which + outcome.text)
         sys.stderr.write(outcome.trace)

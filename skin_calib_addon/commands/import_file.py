@@ -12,7 +12,7 @@ from ..pipeline import calibrate
 from ..pipeline.report import summary
 from ..plan import Plan, check_frame, check_plan, load_plan, plan_document, plan_from
 from ..skin.imported import placed
-from .common import DONE, check_kept, check_target, complain, file_name, listed, named_path, say
+from .common import DONE, check_kept, check_target, complain, file_name, listed, named_path, say, warn
 
 
 def add(commands) -> None:
@@ -71,8 +71,7 @@ def _on_link(options: argparse.Namespace) -> int:
     plan = _plan(options)
     result = calibrate(plan)
     save_calibration(result.calibration, options.output)
-    for warning in result.warnings:
-        complain(f"{warning.severity}: {warning}")
+    warn(result.warnings)
     say(summary(result, options.output))
     return DONE
 

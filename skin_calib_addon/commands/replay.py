@@ -85,10 +85,11 @@ def run(options: argparse.Namespace) -> int:
         lines = [json.dumps(frame_document(frame), separators=(",", ":"), allow_nan=False) for frame in frames]
         write_bytes_safely(options.output, ("\n".join(lines) + "\n").encode())
     for name in skin.modalities:
-        if name != FORCE and name not in others:
+        if name not in others:
             complain(f"warning: the recording has no readings of {name}, which the calibration has")
-    step = float(np.median(np.diff([frame.time for frame in frames]))) if len(frames) > 1 else 0.0
-    if step > LONG_STEP:
+    seconds = np.array([frame.time for frame in frames])
+    steps = np.diff(seconds[np.isfinite(seconds)])
+    if len(steps) and (step := float(np.median(steps))) > LONG_STEP:
         complain(f"warning: frames are {step:g} s apart (median): time must be in seconds")
     for flag, times in sorted(Counter(flag for frame in frames for flag in frame.flags).items()):
         complain(f"warning: {flag} in {times} of {len(frames)} frames")

@@ -16,7 +16,7 @@ from ..calibration.response_fit import ResponseFit, fit_response
 from ..common.errors import CalibrationFormatError, UnderdeterminedFit
 from ..common.findings import did_you_mean, show
 from ..common.warnings import Place, Warning
-from .common import DONE, check_kept, check_picture, check_target, complain, file_name, named_path, say
+from .common import DONE, check_kept, check_picture, check_target, file_name, named_path, say, warn
 
 
 def add(commands) -> None:
@@ -62,8 +62,7 @@ def run(options: argparse.Namespace) -> int:
 
         draw_responses(measured, fits, options.picture, quantity, unit)
     save_calibration(result, options.output)
-    for warning in _warnings(calibration, measured, fits) if modality is None else fits[0].warnings:
-        complain(f"{warning.severity}: {warning}")
+    warn(_warnings(calibration, measured, fits) if modality is None else fits[0].warnings)
     for one, fit in zip(measured, fits):
         say(_line(one, fit, options.modality, unit))
     say(f"calibration      {options.output}")

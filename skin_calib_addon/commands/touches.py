@@ -1,20 +1,18 @@
 """``touches``: compare a calibration with measured touches, and refine the poses of its skins."""
 
 import argparse
-from collections.abc import Iterable
 from pathlib import Path
 
 from ..calibration.file import load_calibration
 from ..calibration.model import LinkCalibration
 from ..common.errors import InvalidPlan
 from ..common.strict_json import parse, read
-from ..common.warnings import Warning
 from ..pipeline import calibrate
 from ..pipeline.refine import refine
 from ..pipeline.touch_distance import check_touches
 from ..plan import FORMAT, load_plan, named_from, save_plan
 from ..validation import Placement, placements, read_touches, summarize
-from .common import DONE, check_kept, check_picture, check_target, complain, file_name, named_path, say
+from .common import DONE, check_kept, check_picture, check_target, file_name, named_path, say, warn
 
 
 def add(commands) -> None:
@@ -57,14 +55,14 @@ def run(options: argparse.Namespace) -> int:
     say(f"touches          {len(touches.taxels)}, of {len(set(touches.taxels))} taxels")
     _report(found)
     of_fit = result.warnings if result else ()
-    _warn((*of_fit, *(warning for placement in found for warning in placement.warnings())))
+    warn((*of_fit, *(warning for placement in found for warning in placement.warnings())))
     if options.refine and plan and result:
         refined = refine(plan, result, touches)
         found = refined.placements
         save_plan(named_from(refined.plan, options.output.absolute().parent), options.output)
         say(f"plan             {options.output}; after the refinement:")
         _report(found)
-        _warn(warning for warning in refined.calibration.warnings if warning not in of_fit)
+        warn(warning for warning in refined.calibration.warnings if warning not in of_fit)
     if options.picture:
         from ..pictures.touches import draw_touches  # matplotlib is optional
 
@@ -79,11 +77,6 @@ def _is_plan(path: Path) -> bool:
 
 def _count(calibration: LinkCalibration) -> int:
     return sum(len(patch.taxels.ids) for patch in calibration.patches)
-
-
-def _warn(warnings: Iterable[Warning]) -> None:
-    for warning in warnings:
-        complain(f"{warning.severity}: {warning}")
 
 
 def _report(found: list[Placement]) -> None:

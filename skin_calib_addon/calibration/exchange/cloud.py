@@ -191,7 +191,7 @@ def cloud_of(calibration: LinkCalibration) -> tuple[list[str], list[str], tuple[
     return comments, rows, names
 
 
-def rows_of(text: str, first: int, count: int, is_all: bool) -> list[tuple[int, str]]:
+def rows_of(text: str, first: int, count: int, only_points: bool) -> list[tuple[int, str]]:
     """Return the first lines that are not empty, with their line numbers.
 
     Parameters
@@ -202,8 +202,8 @@ def rows_of(text: str, first: int, count: int, is_all: bool) -> list[tuple[int, 
         Number of its first line.
     count : int
         Number of points.
-    is_all : bool
-        Whether the file has points only.
+    only_points : bool
+        Whether nothing may follow the points.
 
     Raises
     ------
@@ -213,7 +213,7 @@ def rows_of(text: str, first: int, count: int, is_all: bool) -> list[tuple[int, 
     rows = [(number, content) for number, content in enumerate(text.split("\n"), first) if content.strip()]
     if len(rows) < count:
         raise CloudError("size", "", f"is truncated: the header announces {count} points, {len(rows)} were found")
-    if is_all and len(rows) > count:
+    if only_points and len(rows) > count:
         message = f"is after the last point: the header announces {count} points, {len(rows)} were found"
         raise CloudError("size", line(rows[count][0]), message)
     return rows[:count]

@@ -48,7 +48,7 @@ def read_pcd(data: bytes) -> Draft:
         names, types = _columns(header)
         count, form = count_of(header.entry("POINTS")[0], header.numbers["POINTS"]), header.entry("DATA")[0]
         if form == "ascii":
-            rows = rows_of(lines_of(data[stop:]), header.lines + 1, count, True)
+            rows = rows_of(lines_of(data[stop:]), header.lines + 1, count, only_points=True)
             draft.lines = [number for number, _ in rows]
             columns = parse_text(names, rows)
         elif form == "binary":

@@ -44,7 +44,7 @@ class Header:
     types: list[str] = field(default_factory=list)
     comments: list[str] = field(default_factory=list)
     faces: tuple[int, str] | None = None  # line and number of the faces
-    is_all: bool = True  # whether there are no elements other than vertices
+    only_points: bool = True  # whether there are no other elements
 
 
 def read_ply(data: bytes) -> Draft:
@@ -63,7 +63,7 @@ def read_ply(data: bytes) -> Draft:
             draft.lines, draft.at = list(range(header.count)), point
             columns = parse_bytes(header.names, types, data[stop:], header.count)
         else:
-            rows = rows_of(lines_of(data[stop:]), len(head), header.count, header.is_all)
+            rows = rows_of(lines_of(data[stop:]), len(head), header.count, header.only_points)
             draft.lines = [number for number, _ in rows]
             columns = parse_text(header.names, rows)
         fill_draft(draft, columns, parse_comments(draft, header.comments))
@@ -85,10 +85,10 @@ def _header(lines: list[str]) -> Header:
             case ["comment", *_]:
                 header.comments.append(content.lstrip().removeprefix("comment").removeprefix(" "))
             case ["element", element, amount]:
-                if element == "vertex" and header.count is not None:
-                    raise CloudError("syntax", line(number), "names a second element vertex; keep one")
-                header.is_all &= element == "vertex"
+                header.only_points &= element == "vertex"
                 if element == "vertex":
+                    if header.count is not None:
+                        raise CloudError("syntax", line(number), "names a second element vertex; keep one")
                     header.count = count_of(amount, number)
                 elif element == "face" and header.count is not None:
                     header.faces = (number, amount) if amount != "0" else None

@@ -55,7 +55,7 @@ class Node:
             raise XmlError(problem.code, self.line, f"{problem} ({self.tag} {name})") from problem
 
     def number(self) -> float:
-        """Return the number that is the text of the element; raise XmlError if it is not a finite number."""
+        """Return the number that is the text of the element; raise XmlError if it is none, not finite, or too long."""
         if len(self.text) == MAX_TEXT_LENGTH:  # only its beginning may be kept, without the exponent
             message = f"has {shown(self.text)} instead of a number of less than {MAX_TEXT_LENGTH} characters"
             raise XmlError("number", self.line, message)
