@@ -174,15 +174,7 @@ def button(layout, name, icon="NONE", text=None, space=0, **options):
 
 
 def fits(text, space):
-    """Return whether the sidebar has space for a text in one line.
-
-    Parameters
-    ----------
-    text : str
-        The text.
-    space : float
-        For something next to it, in addition to the margins of a text [pixel of a screen with standard density].
-    """
+    """Return whether the sidebar has space for a text in one line."""
     region, system = bpy.context.region, bpy.context.preferences.system
     if region is None or bpy.app.background:
         return len(text) <= LINE_WIDTH

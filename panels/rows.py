@@ -13,18 +13,7 @@ def keys_in(panel):
 
 
 def draw_keys(layout, group, keys, own=None):
-    """Draw the rows of keys, one below the other.
-
-    Parameters
-    ----------
-    layout : UILayout
-    group : PropertyGroup
-        That has the properties of the keys.
-    keys : iterable of Key
-        Those without a label have no row.
-    own : dict of str to callable, optional
-        By the name of a key: draws its row by hand, given the layout, the group and the key.
-    """
+    """Draw the rows of keys, one below the other."""
     column = None
     for key in keys:
         if not key.label:

@@ -19,20 +19,7 @@ from .common.interruptions import handled
 
 
 def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None = None) -> int:
-    """Run one command.
-
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        Arguments without the program name. Default: those of the process.
-    scene_plans : callable, optional
-        Returns the plans of an open scene, which ``fit`` uses without a plan file.
-
-    Returns
-    -------
-    int
-        0: success, 1: invalid data, 2: invalid call, 130: interrupted. Each error is one line on stderr.
-    """
+    """Run one command."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by the caller, as with ">&-"
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))

@@ -16,13 +16,7 @@ _modules: list[ModuleType] = []
 
 
 def register(package: str) -> None:
-    """Add properties, operators, panels, overlay, handles and command.
-
-    Parameters
-    ----------
-    package : str
-        Name of the extension's package, which contains ``operators`` and ``panels``.
-    """
+    """Add properties, operators, panels, overlay, handles and command."""
     outside = [import_module(f"{package}.{name}") for name in ("operators", "panels")]
     for module in (
         properties,

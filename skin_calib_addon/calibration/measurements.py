@@ -36,25 +36,6 @@ def read_measurements(
     """Read a table with columns ``reading`` and ``force`` [N], and optionally ``taxel``.
 
     The names may have any order and case. Other columns are ignored. The separator is a comma, a semicolon or a tab.
-
-    Parameters
-    ----------
-    path : path
-        CSV file.
-    taxels : collection of str
-        Valid ids of the column ``taxel``.
-    quantity : str, optional
-        Name of the column ``force``, which may have values of a modality.
-
-    Returns
-    -------
-    tuple of Measurements
-        One element, or one for each taxel in the order of their first rows.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the table is invalid; the message names file, line and column.
     """
     rows: list[tuple[str | None, float, float]] = []
     with naming_file(path):

@@ -35,15 +35,7 @@ STEPS: dict[int, Step] = {
 
 
 def migrated(document: Any) -> tuple[Any, tuple[Finding, ...]]:
-    """Migrate a document of an older version to the current version; return others unchanged.
-
-    Returns
-    -------
-    document : JSON value
-        Of the current version, or of the version at which the migration stopped.
-    findings : tuple of Finding
-        Problems of the returned document. Empty if the document has the current version.
-    """
+    """Migrate a document of an older version to the current version; return others unchanged."""
     other = tuple(other_file(document, FORMAT, CALIBRATION_VERSION))
     if other:
         return document, other

@@ -62,15 +62,7 @@ def modality_from(document: dict[str, Any]) -> Modality:
 
 
 def modalities_are_distinct(document: Any, findings: Iterable[Finding]) -> Iterator[Finding]:
-    """Yield an error for each name and each channel of a modality that repeats another one.
-
-    Parameters
-    ----------
-    document : JSON value
-        A calibration or a plan, possibly invalid.
-    findings : iterable of Finding
-        Findings of the schema.
-    """
+    """Yield an error for each name and each channel of a modality that repeats another one."""
     names: dict[Any, str] = {}
     for pointer, modality in _sound(document, findings):
         name, where = modality["name"], child(pointer, "name")
@@ -86,17 +78,7 @@ def modalities_are_distinct(document: Any, findings: Iterable[Finding]) -> Itera
 
 
 def modality_taxels_exist(document: Any, findings: Iterable[Finding], patches: Iterable[Part]) -> Iterator[Finding]:
-    """Yield an error for each taxel of a modality that no patch has.
-
-    Parameters
-    ----------
-    document : JSON value
-        A calibration, possibly invalid.
-    findings : iterable of Finding
-        Findings of the schema.
-    patches : iterable of Part
-        Its patches. If the ids of one are not valid, nothing is checked.
-    """
+    """Yield an error for each taxel of a modality that no patch has."""
     patches = list(patches)
     if not all("id" in patch.members for patch in patches):
         return

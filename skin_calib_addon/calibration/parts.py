@@ -23,15 +23,7 @@ class Part:
     columns: frozenset[str]  # the members that belong to ``taxels``
 
     def at(self, name: str, *keys: Any) -> str:
-        """Return the pointer to a member.
-
-        Parameters
-        ----------
-        name : str
-            Name of the member.
-        *keys : str or int
-            Names and indices inside the member.
-        """
+        """Return the pointer to a member."""
         return child(self.pointer, *(("taxels",) if name in self.columns else ()), name, *keys)
 
     def as_arrays(self) -> "Part":
@@ -41,22 +33,7 @@ class Part:
 
 
 def parts_of(document: Any, name: str, findings: Iterable[Finding]) -> list[Part]:
-    """Return the surfaces or patches of a document, without members that have findings.
-
-    Parameters
-    ----------
-    document : JSON value
-        Possibly invalid.
-    name : "surfaces" or "patches"
-        The list to return.
-    findings : iterable of Finding
-        Earlier findings about the document.
-
-    Returns
-    -------
-    list of Part
-        If the list itself is invalid, one part without members. It differs from an empty list.
-    """
+    """Return the surfaces or patches of a document, without members that have findings."""
     items = document.get(name) if isinstance(document, dict) else None
     if not isinstance(items, list) or any(finding.pointer == f"/{name}" for finding in findings):
         return [Part(f"/{name}", {}, frozenset())]

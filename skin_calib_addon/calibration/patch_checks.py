@@ -253,13 +253,7 @@ def _registration_is_in_si_units(patch: Part, registration: dict[str, Any]) -> I
 
 
 def taxels_are_apart(patches: list[Part]) -> Iterator[Finding]:
-    """Check that no two taxels of a link are in one place. Those that look away from each other are on a thin wall.
-
-    Parameters
-    ----------
-    patches : list of Part
-        All patches of the link.
-    """
+    """Check that no two taxels of a link are in one place. Those that look away from each other are on a thin wall."""
     valid = [patch for patch in patches if patch.members.keys() >= {"position", "normal", "pitch", "id"}]
     if not valid:
         return

@@ -19,15 +19,7 @@ BINOMIALS = np.array([[math.comb(i, k) for k in range(16)] for i in range(16)], 
 
 
 def responses_are_monotone(document: Any, findings: Iterable[Finding]) -> Iterator[Finding]:
-    """Yield the errors of all responses that are valid by the schema.
-
-    Parameters
-    ----------
-    document : JSON value
-        Possibly invalid.
-    findings : iterable of Finding
-        Findings of the schema.
-    """
+    """Yield the errors of all responses that are valid by the schema."""
     touched = pointers_with_findings(findings)
     sound = [(pointer, response) for pointer, response in _responses(document) if pointer not in touched]
     with np.errstate(all="ignore"):
@@ -37,15 +29,7 @@ def responses_are_monotone(document: Any, findings: Iterable[Finding]) -> Iterat
 
 
 def responses_exist(document: Any, patches: Iterable[Part]) -> Iterator[Finding]:
-    """Check that the response index of each taxel is in the list.
-
-    Parameters
-    ----------
-    document : JSON value
-        Possibly invalid.
-    patches : iterable of Part
-        Its patches.
-    """
+    """Check that the response index of each taxel is in the list."""
     listed = document.get("responses", []) if isinstance(document, dict) else None
     if not isinstance(listed, list):
         return
@@ -57,15 +41,7 @@ def responses_exist(document: Any, patches: Iterable[Part]) -> Iterator[Finding]
 
 
 def response_findings(response: dict[str, Any], pointer: str) -> Iterator[Finding]:
-    """Yield the errors of one response that is valid by the schema.
-
-    Parameters
-    ----------
-    response : dict
-        Member of a document.
-    pointer : str
-        Its JSON pointer.
-    """
+    """Yield the errors of one response that is valid by the schema."""
     with np.errstate(all="ignore"):
         if response["kind"] == "table":
             yield from _table_findings(response, pointer)
@@ -153,15 +129,7 @@ def _range_findings(response: dict[str, Any], pointer: str) -> Iterator[Finding]
 
 
 def is_monotone(coefficients: Any, low: float, high: float) -> bool:
-    """Return whether a polynomial is monotone between two readings, up to rounding.
-
-    Parameters
-    ----------
-    coefficients : sequence of float
-        The lowest power first.
-    low, high : float
-        Readings.
-    """
+    """Return whether a polynomial is monotone between two readings, up to rounding."""
     with np.errstate(all="ignore"):
         shifted = _shifted(np.array(coefficients, float), float(low), float(high))
         if not np.isfinite(np.abs(shifted).sum()):

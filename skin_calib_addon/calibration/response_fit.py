@@ -66,24 +66,6 @@ def fit_response(readings: Array, forces: Array, quantity: str = "force", unit: 
     The result is a polynomial that is monotone between the smallest and the largest reading. Its cross-validation error
     is within one standard error of the best function. Of several such polynomials, the result has the smallest degree.
     If there is none, the result is a monotone table with the smallest sufficient number of knots.
-
-    Parameters
-    ----------
-    readings : array, shape (n,)
-        In the order of measurement. The order affects only the warning about hysteresis.
-    forces : array, shape (n,)
-        Applied forces [N], or other values.
-    quantity, unit : str, optional
-        What they are, for messages. Only a ``"force"`` has a limit at zero.
-
-    Returns
-    -------
-    ResponseFit
-
-    Raises
-    ------
-    UnderdeterminedFit
-        If all readings or all forces are equal, or if there are fewer than two measurements.
     """
     readings, forces = np.asarray(readings, float), np.asarray(forces, float)
     if len(readings) < 2 or np.ptp(readings) == 0 or np.ptp(forces) == 0:
@@ -104,17 +86,7 @@ def fit_response(readings: Array, forces: Array, quantity: str = "force", unit: 
 
 
 def predicted(response: AnyResponse, readings: Any, quantity: str) -> Array:
-    """Return forces, or values of another quantity, of readings of any shape.
-
-    Parameters
-    ----------
-    response : Response or ResponseTable
-        Of the sensor.
-    readings : array
-        Of any shape.
-    quantity : str
-        Only a ``"force"`` has a limit at zero.
-    """
+    """Return forces, or values of another quantity, of readings of any shape."""
     return response.newtons(readings) if quantity == "force" else response.values(readings)
 
 

@@ -53,18 +53,7 @@ class RobotSet:
 
 
 def load_robot_set(path: str | os.PathLike[str]) -> RobotSet:
-    """Read ``robot.json``, or the one of a folder. The calibrations are not read.
-
-    Parameters
-    ----------
-    path : path
-        Of the file or its folder.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the folder has no such file, or it cannot be read, or is invalid; ``findings`` lists all problems.
-    """
+    """Read ``robot.json``, or the one of a folder. The calibrations are not read."""
     file = robot_file(path)
     if os.path.isdir(path) and not os.path.lexists(file):
         raise CalibrationFormatError(
@@ -81,22 +70,7 @@ def load_robot_set(path: str | os.PathLike[str]) -> RobotSet:
 
 
 def save_robot_set(robot: RobotSet, folder: Path) -> None:
-    """Write ``robot.json`` to the folder of the calibrations in one step.
-
-    Parameters
-    ----------
-    robot : RobotSet
-        Links with different names.
-    folder : Path
-        It must exist.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If it is invalid, for example because two calibrations have the same link. No file is written.
-    OutputError
-        If the file cannot be written.
-    """
+    """Write ``robot.json`` to the folder of the calibrations in one step."""
     document = {"format": FORMAT, "version": ROBOT_VERSION, **asdict(robot), "links": [asdict(k) for k in robot.links]}
     if findings := check_robot_document(document):
         raise CalibrationFormatError(f"{FILE} cannot be written: {in_short(findings)}", findings)
@@ -104,25 +78,7 @@ def save_robot_set(robot: RobotSet, folder: Path) -> None:
 
 
 def load_links(path: str | os.PathLike[str]) -> tuple[dict[str, LinkCalibration], tuple[Warning, ...]]:
-    """Read the calibrations of all links of a robot, and what is wrong with the set without making it unusable.
-
-    Parameters
-    ----------
-    path : path
-        Of ``robot.json`` or its folder.
-
-    Returns
-    -------
-    calibrations : dict of str to LinkCalibration
-        By the name of the link.
-    warnings : tuple of Warning
-        Channels and ids that are used twice, and calibrations in the folder that the file does not list.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If a file is missing or invalid, is of another link, or has changed, or if a channel is used twice.
-    """
+    """Read the calibrations of all links of a robot, and what is wrong with the set without making it unusable."""
     file = robot_file(path)
     robot = load_robot_set(path)
     calibrations, findings = calibrations_of(robot, file.parent)
@@ -137,23 +93,7 @@ def load_links(path: str | os.PathLike[str]) -> tuple[dict[str, LinkCalibration]
 
 
 def calibrations_of(robot: RobotSet, folder: Path) -> tuple[dict[str, LinkCalibration], tuple[Finding, ...]]:
-    """Return the calibrations that can be read, by the name of the link, and all problems.
-
-    Parameters
-    ----------
-    robot : RobotSet
-        The set.
-    folder : Path
-        Its folder.
-
-    Returns
-    -------
-    calibrations : dict of str to LinkCalibration
-    findings : tuple of Finding
-        Errors: a file that is missing, has changed or is invalid, another link, another first channel, a channel that
-        is used twice on a bus.
-        Warnings: a channel that is used twice without a bus, an id that is used twice.
-    """
+    """Return the calibrations that can be read, by the name of the link, and all problems."""
     calibrations: dict[str, LinkCalibration] = {}
     findings = []
     for k, link in enumerate(robot.links):
@@ -186,15 +126,7 @@ def calibrations_of(robot: RobotSet, folder: Path) -> tuple[dict[str, LinkCalibr
 
 
 def unlisted(robot: RobotSet, folder: Path) -> Iterator[Finding]:
-    """Yield an error for each calibration in the folder that the set does not list: a loaded robot has no such skin.
-
-    Parameters
-    ----------
-    robot : RobotSet
-        The set.
-    folder : Path
-        Its folder.
-    """
+    """Yield an error for each calibration in the folder that the set does not list: a loaded robot has no such skin."""
     listed = {link.calibration for link in robot.links}
     files = {link.link: link.calibration for link in robot.links}  # one of each link
     for path in sorted(folder.glob("*.calibration.json")):
@@ -215,15 +147,7 @@ def unlisted(robot: RobotSet, folder: Path) -> Iterator[Finding]:
 
 
 def changed_urdf(robot: RobotSet, folder: Path) -> Iterator[Finding]:
-    """Yield a warning if the URDF is not the one with which the links were compared.
-
-    Parameters
-    ----------
-    robot : RobotSet
-        The set.
-    folder : Path
-        Its folder.
-    """
+    """Yield a warning if the URDF is not the one with which the links were compared."""
     if robot.urdf is None:
         return
     now = file_hash(folder / robot.urdf.file)
@@ -245,13 +169,6 @@ def _used_twice(robot: RobotSet, calibrations: dict[str, LinkCalibration]) -> It
     """Yield an error for each link with channels of an earlier link on its bus, and a warning for its ids.
 
     Without a bus, channels are a warning, too: each link has its own readings, or they are of two proposals.
-
-    Parameters
-    ----------
-    robot : RobotSet
-        The set.
-    calibrations : dict of str to LinkCalibration
-        By the name of the link.
     """
     channels: dict[tuple[str | None, int], str] = {}
     ids: dict[str, str] = {}
@@ -278,20 +195,7 @@ def _used_twice(robot: RobotSet, calibrations: dict[str, LinkCalibration]) -> It
 
 
 def robot_link(folder: Path, name: str) -> RobotLink:
-    """Return the entry of a calibration, without what the calibration does not have: parent and bus.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the set.
-    name : str
-        Calibration file in it.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the calibration cannot be read or is invalid.
-    """
+    """Return the entry of a calibration, without what the calibration does not have: parent and bus."""
     calibration = load_calibration(folder / name)
     return RobotLink(calibration.link, name, file_hash(folder / name) or "", first_channel=_first_channel(calibration))
 

@@ -29,18 +29,7 @@ SCHEMA = read_schema(Path(__file__).with_name("schema.json"))
 
 
 def validate(document: Any) -> Findings:
-    """Check a calibration document against its schema, and for consistency.
-
-    Parameters
-    ----------
-    document : JSON value
-        Of any kind; no content raises an exception.
-
-    Returns
-    -------
-    tuple of Finding
-        Empty if the document is valid. If one member is invalid, the others are still checked.
-    """
+    """Check a calibration document against its schema, and for consistency."""
     other = tuple(other_file(document, FORMAT, CALIBRATION_VERSION))
     if other:
         return other
@@ -49,17 +38,7 @@ def validate(document: Any) -> Findings:
 
 
 def other_file(document: Any, format: str, known: int) -> Iterator[Finding]:
-    """Yield an error if a document has another format of this program, or a newer version.
-
-    Parameters
-    ----------
-    document : JSON value
-        Of any kind.
-    format : str
-        The expected format.
-    known : int
-        The newest known version.
-    """
+    """Yield an error if a document has another format of this program, or a newer version."""
     members = document if isinstance(document, dict) else {}
     found: Any = members.get("format")
     if isinstance(found, str) and found != format and found in FILE_FORMATS:
@@ -198,15 +177,7 @@ def _pairs(patches: list[Part]) -> Iterator[tuple[Part, int, int, str, str]]:
 
 
 def checksum_findings(document: Any, findings: Findings) -> Iterator[Finding]:
-    """Yield an error if the checksum differs from that of the content.
-
-    Parameters
-    ----------
-    document : JSON value
-        Of any kind.
-    findings : tuple of Finding
-        Earlier findings. If one of them is about the checksum, it is not compared.
-    """
+    """Yield an error if the checksum differs from that of the content."""
     stated = document.get("checksum") if isinstance(document, dict) else None
     if stated is None or any(finding.pointer == "/checksum" for finding in findings):
         return

@@ -33,34 +33,13 @@ def complain(message: str) -> None:
 
 
 def warn(warnings: Iterable[Warning], which: str = "") -> None:
-    """Print each warning with its severity on one line of stderr.
-
-    Parameters
-    ----------
-    warnings : iterable of Warning
-        Of a fit, touches or responses.
-    which : str
-        What the warnings are of, with a colon and a space; printed in front.
-    """
+    """Print each warning with its severity on one line of stderr."""
     for warning in warnings:
         complain(f"{which}{warning.severity}: {warning}")
 
 
 def check_target(target: Path | None, *others: Path | None) -> None:
-    """Check an output file before any computation.
-
-    Parameters
-    ----------
-    target : Path, optional
-        File to write; None is always valid.
-    *others : Path, optional
-        Other input and output files of the call.
-
-    Raises
-    ------
-    OutputError
-        If the folder is missing, or if the file would replace one of the others.
-    """
+    """Check an output file before any computation."""
     # os.path: Path.is_dir raises for names that are too long
     if target is not None and not os.path.isdir(target) and not os.path.isdir(target.absolute().parent):
         raise OutputError(f"the folder {target.absolute().parent} for {target.name} does not exist. Create it first.")
@@ -70,20 +49,7 @@ def check_target(target: Path | None, *others: Path | None) -> None:
 
 
 def check_kept(file: Path, *targets: Path | None) -> None:
-    """Check that no output file of a call replaces what a file of the call names.
-
-    Parameters
-    ----------
-    file : Path
-        Plan, calibration, or ``robot.json``.
-    *targets : Path, optional
-        Files to write; None is always valid.
-
-    Raises
-    ------
-    OutputError
-        If one would replace a mesh, a taxel file, or another source.
-    """
+    """Check that no output file of a call replaces what a file of the call names."""
     for target in targets:
         if target is not None and names_file(file, target):
             raise OutputError(f"{target} would replace a file that {file} names. Choose another file.")

@@ -118,15 +118,7 @@ def _of_fit(calibration: LinkCalibration) -> Iterator[str]:
 
 
 def _check_mesh_file(target: Path, inputs: Iterable[Path]) -> None:
-    """Check that a mesh of the model replaces no mesh of the robot, and no file that another program wrote.
-
-    Parameters
-    ----------
-    target : Path
-        File to write.
-    inputs : iterable of Path
-        Files of the robot.
-    """
+    """Check that a mesh of the model replaces no mesh of the robot, and no file that another program wrote."""
     if not os.path.exists(target):
         return
     check_target(target, *inputs)

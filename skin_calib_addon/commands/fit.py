@@ -41,15 +41,7 @@ ScenePlans = Callable[[], Sequence[tuple[Plan, TriangleMesh]]]
 
 
 def add(commands, scene_plans: ScenePlans | None) -> None:
-    """Define the command.
-
-    Parameters
-    ----------
-    commands : argparse subparsers
-        Receive the command.
-    scene_plans : callable, optional
-        Returns the plans of an open scene. With it, a plan file is optional.
-    """
+    """Define the command."""
     fit = commands.add_parser(
         "fit",
         help="calculate calibration files from plans",
@@ -176,24 +168,7 @@ def _plan_files(named: Iterable[Path]) -> tuple[list[Path], Path | None]:
 
 
 def _folders(targets: list[Path], with_slash: set[Path], has_folder: bool, links: int) -> list[Path]:
-    """Return the targets that are folders, or will be.
-
-    Parameters
-    ----------
-    targets : list of Path
-        For calibrations, pictures and reports.
-    with_slash : set of Path
-        Those whose names end with a slash.
-    has_folder : bool
-        Whether the call has a folder, a robot or several plans as input: a target without an ending is then a folder.
-    links : int
-        Number of links; several need folders.
-
-    Raises
-    ------
-    OutputError
-        If one that must be a folder is a file, or has the name of one.
-    """
+    """Return the targets that are folders, or will be."""
     folders = [path for path in targets if os.path.isdir(path)]
     for path in targets:
         needs_folder = links > 1 or path in with_slash or (has_folder and not path.suffix)

@@ -70,19 +70,7 @@ class Outcome:
 
 
 def outcomes(jobs: Sequence[Job], processes: int) -> Iterator[Outcome]:
-    """Yield the outcome of each job as soon as it is finished.
-
-    Parameters
-    ----------
-    jobs : sequence of Job
-        Links to fit.
-    processes : int
-        Number of parallel processes.
-
-    Yields
-    ------
-    Outcome
-    """
+    """Yield the outcome of each job as soon as it is finished."""
     # What only has to be written is not worth another process.
     fitted = [job for job in jobs if job.fitted]
     others = [job for job in jobs if not job.fitted]

@@ -95,26 +95,7 @@ def run(options: argparse.Namespace) -> int:
 def propose(
     options: argparse.Namespace, folder: Path, again: bool, fit: bool = False
 ) -> tuple[dict[Path, Fitted | None], int]:
-    """Write a plan for each link that can carry skin, and print a line for each link.
-
-    Parameters
-    ----------
-    options : Namespace
-        Of ``add_options``, and ``file``.
-    folder : Path
-        For the plans; it is created.
-    again : bool
-        Whether existing plans are replaced. Otherwise they stay.
-    fit : bool
-        Whether new plans are carried out, too.
-
-    Returns
-    -------
-    plans : dict of Path to Fitted or None
-        All plans of links of the robot in the folder; with their calibrations if they were carried out.
-    code : int
-        Exit code.
-    """
+    """Write a plan for each link that can carry skin, and print a line for each link."""
     choice = options.skin or parse_skin(DEFAULT_SKIN)
     if os.path.lexists(folder) and not os.path.isdir(folder):
         raise OutputError(f"{folder} is not a folder. Choose another name.")
@@ -192,17 +173,7 @@ def _set_aside(plan: Path) -> list[str]:
 
 
 def _save(proposals: Sequence[Proposal], folder: Path, channel: int) -> None:
-    """Write the plans of proposals, whose channels start at a number and follow each other.
-
-    Parameters
-    ----------
-    proposals : sequence of Proposal
-        In the order of their channels; those without a plan are left out.
-    folder : Path
-        For the plans.
-    channel : int
-        Of the first taxel.
-    """
+    """Write the plans of proposals, whose channels start at a number and follow each other."""
     for proposal in proposals:
         if proposal.plan:
             save_plan(named_from(numbered(proposal.plan, channel), folder), plan_path(folder, proposal.link))

@@ -70,19 +70,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def with_responses(calibration: LinkCalibration, fitted: dict[str | None, AnyResponse]) -> LinkCalibration:
-    """Return a calibration with new responses for single taxels, or one for all taxels.
-
-    Parameters
-    ----------
-    calibration : LinkCalibration
-        It stays unchanged.
-    fitted : dict
-        Responses by the id of the taxel. The id None means all taxels, and removes their own responses.
-
-    Returns
-    -------
-    LinkCalibration
-    """
+    """Return a calibration with new responses for single taxels, or one for all taxels."""
     if None in fitted:
         plain = tuple(_with_rows(patch, ()) for patch in calibration.patches)
         return replace(calibration, response=fitted[None], responses=(), patches=plain)

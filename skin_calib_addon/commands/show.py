@@ -78,19 +78,7 @@ def _show_robot(options: argparse.Namespace) -> int:
 
 
 def _draw_robot(robot: RobotSet, folder: Path, calibrations: Mapping[str, LinkCalibration], picture: Path) -> bool:
-    """Draw a robot in its zero pose, and print what of each link is covered; return whether all links are drawn.
-
-    Parameters
-    ----------
-    robot : RobotSet
-        The set.
-    folder : Path
-        Its folder.
-    calibrations : mapping of str to LinkCalibration
-        By link.
-    picture : Path
-        File to write.
-    """
+    """Draw a robot in its zero pose, and print what of each link is covered; return whether all links are drawn."""
     from ..pictures.robot import draw_robot
 
     if robot.urdf is None:

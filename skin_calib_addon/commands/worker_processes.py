@@ -29,24 +29,7 @@ class ProcessDied(Exception):
 def run_tasks(
     work: Callable[[Any], Any], tasks: Iterable[Any], count: int, lost: Callable[[Any, ProcessDied], Any]
 ) -> Iterator[Any]:
-    """Yield the result of each task as soon as it is finished.
-
-    Parameters
-    ----------
-    work : function of a module
-        Computes the result of a task. Tasks and results are pickled.
-    tasks : iterable
-        Arguments of ``work``. The processes start before they are computed.
-    count : int
-        Number of processes. All have ended when the iteration ends or is closed.
-    lost : function
-        Computes the result of a task whose process crashed, from the task and the error.
-
-    Yields
-    ------
-    object
-        Results, in the order in which they are finished.
-    """
+    """Yield the result of each task as soon as it is finished."""
     workers = [_Worker(work) for _ in range(count)]
     idle: SimpleQueue[_Worker] = SimpleQueue()
 

@@ -17,18 +17,6 @@ def write_bytes_safely(path: str | os.PathLike[str], data: bytes) -> None:
     """Replace the content of a file in one step.
 
     The target of a symbolic link is replaced. The mode of the file is kept.
-
-    Parameters
-    ----------
-    path : path
-        File to write; its folder must exist.
-    data : bytes
-        The complete new content.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written. The old file is then unchanged, and no temporary file is left.
     """
     try:
         target = Path(os.path.realpath(path))

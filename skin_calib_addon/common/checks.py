@@ -9,22 +9,7 @@ from .arrays import Array
 
 
 def finite(name: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """Return an array of finite numbers of a given shape, in double precision.
-
-    Parameters
-    ----------
-    name : str
-        For the message, such as ``"the torque"``.
-    value : array
-        To be checked.
-    shape : tuple of int
-        That it must have; nothing is broadcast.
-
-    Raises
-    ------
-    ValueError
-        If it has another shape, or a number that is not finite.
-    """
+    """Return an array of finite numbers of a given shape, in double precision."""
     array = np.asarray(value, float)
     if array.shape != shape:
         raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
@@ -34,40 +19,14 @@ def finite(name: str, value: Any, shape: tuple[int, ...]) -> Array:
 
 
 def positive(name: str, value: float) -> float:
-    """Return a number that must be above zero, in double precision.
-
-    Parameters
-    ----------
-    name : str
-        For the message.
-    value : float
-        To be checked.
-
-    Raises
-    ------
-    ValueError
-        If it is not positive and finite.
-    """
+    """Return a number that must be above zero, in double precision."""
     if not 0 < value < math.inf:
         raise ValueError(f"{name} must be positive and finite, not {value}")
     return float(value)
 
 
 def not_negative(name: str, value: float) -> float:
-    """Return a number that must be zero or more, in double precision.
-
-    Parameters
-    ----------
-    name : str
-        For the message.
-    value : float
-        To be checked.
-
-    Raises
-    ------
-    ValueError
-        If it is below zero or not finite.
-    """
+    """Return a number that must be zero or more, in double precision."""
     if not 0 <= value < math.inf:
         raise ValueError(f"{name} must be zero or more and finite, not {value}")
     return float(value)

@@ -12,11 +12,6 @@ def checksum(document: dict[str, Any]) -> str:
     """Return ``sha256:`` and the hash of the content.
 
     The content is the JSON text with sorted keys and without white space. The member ``checksum`` is left out.
-
-    Raises
-    ------
-    TypeError, ValueError, RecursionError
-        If JSON cannot represent the document, because it contains NaN, a Python object or itself.
     """
     content = {name: member for name, member in document.items() if name != "checksum"}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)

@@ -6,15 +6,7 @@ MAX_NAMED = 5  # names or numbers that a message lists. Larger: longer lines
 
 
 class SkinCalibError(Exception):
-    """Base class of all errors that a user can correct.
-
-    Parameters
-    ----------
-    message : str
-        One line: what is wrong, where, and what to do about it.
-    **numbers
-        Values in the message, available to programs as ``numbers``.
-    """
+    """Base class of all errors that a user can correct."""
 
     def __init__(self, message: str, **numbers):
         super().__init__(message)

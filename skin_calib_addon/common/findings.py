@@ -44,37 +44,17 @@ class Finding:
 
 
 def error(code: str, pointer: str, message: str, value: Any = None) -> Finding:
-    """Return a finding that makes the document unusable.
-
-    Parameters
-    ----------
-    code, pointer, message, value
-        As of `Finding`.
-    """
+    """Return a finding that makes the document unusable."""
     return Finding(code, "error", pointer, message, value)
 
 
 def warning(code: str, pointer: str, message: str, value: Any = None) -> Finding:
-    """Return a finding that the user should check.
-
-    Parameters
-    ----------
-    code, pointer, message, value
-        As of `Finding`.
-    """
+    """Return a finding that the user should check."""
     return Finding(code, "warning", pointer, message, value)
 
 
 def child(pointer: str, *keys: Any) -> str:
-    """Return the pointer to a nested member or element.
-
-    Parameters
-    ----------
-    pointer : str
-        JSON pointer to an object or array.
-    *keys : str or int
-        Names and indices from there on; ``~`` and ``/`` are escaped.
-    """
+    """Return the pointer to a nested member or element."""
     return pointer + "".join("/" + str(key).replace("~", "~0").replace("/", "~1") for key in keys)
 
 
@@ -110,20 +90,7 @@ def show(value: Any) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[Any]) -> str:
-    """Return the end of a message that suggests the most similar known name.
-
-    Parameters
-    ----------
-    name : str
-        The unknown name.
-    known : iterable
-        The valid names; only the first 100 are compared because comparison is slow.
-
-    Returns
-    -------
-    str
-        Empty if no known name is similar.
-    """
+    """Return the end of a message that suggests the most similar known name."""
     words = islice((word for word in known if isinstance(word, str)), 100)
     near = difflib.get_close_matches(name[:80], words, 1)
     return f"; did you mean {show(near[0])}?" if near else ""

@@ -13,13 +13,6 @@ def handled(handler: Callable[[int, FrameType | None], object], *signals: signal
 
     Only the main thread can set handlers, and one that Python did not set cannot be restored: other threads and such
     signals are left as they are.
-
-    Parameters
-    ----------
-    handler : function
-        As for `signal.signal`.
-    *signals : signal.Signals
-        Which ones.
     """
     before = {number: signal.getsignal(number) for number in signals}
     if threading.current_thread() is not threading.main_thread() or None in before.values():

@@ -18,13 +18,7 @@ class DecodingError(ValueError):
 
 
 def decoded(data: bytes) -> str:
-    """Decode UTF-8 text.
-
-    Raises
-    ------
-    DecodingError
-        If the bytes are binary, compressed, or text in another encoding.
-    """
+    """Decode UTF-8 text."""
     try:
         text = data.decode()
     except UnicodeDecodeError as problem:

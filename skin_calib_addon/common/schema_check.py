@@ -43,16 +43,7 @@ def read_schema(path: Path) -> Schema:
 
 
 def check(document: Any, schema: Schema) -> tuple[Finding, ...]:
-    """Return all deviations of a document from its schema; all are errors.
-
-    Parameters
-    ----------
-    document : JSON value
-        Result of `strict_json.parse`.
-    schema : dict
-        Result of `read_schema`. The branches of a ``oneOf`` differ in ``const``, in ``type``, or in a constant
-        member.
-    """
+    """Return all deviations of a document from its schema; all are errors."""
     return tuple(first(_check(document, schema, "", schema)))
 
 

@@ -26,15 +26,7 @@ _LARGEST = float(np.finfo(float).max)
 
 
 def has_type(value: Any, name: str) -> bool:
-    """Return whether a value has a JSON type.
-
-    Parameters
-    ----------
-    value : JSON value
-        Of any type.
-    name : str
-        Name of the type. NaN and infinity are not numbers; text with a lone surrogate is not a string.
-    """
+    """Return whether a value has a JSON type."""
     if name == "string":
         return isinstance(value, str) and not _SURROGATE.search(value)
     if name in _TYPES:
@@ -44,40 +36,18 @@ def has_type(value: Any, name: str) -> bool:
 
 
 def is_same(value: Any, const: Any) -> bool:
-    """Return whether a value equals a scalar as a JSON value: 1 equals 1.0, but not true.
-
-    Parameters
-    ----------
-    value : JSON value
-        Of any type.
-    const : scalar
-        The other value.
-    """
+    """Return whether a value equals a scalar as a JSON value: 1 equals 1.0, but not true."""
     is_scalar = isinstance(value, (str, int, float, type(None)))
     return is_scalar and isinstance(value, bool) == isinstance(const, bool) and value == const
 
 
 def fits_length(length: int, schema: Schema) -> bool:
-    """Return whether an array may have this length.
-
-    Parameters
-    ----------
-    length : int
-        Number of elements.
-    schema : dict
-        With ``minItems`` and ``maxItems``, both optional.
-    """
+    """Return whether an array may have this length."""
     return schema.get("minItems", 0) <= length <= schema.get("maxItems", length)
 
 
 def definition(schema: Schema, root: Schema) -> Schema:
-    """Return the schema itself, or the schema in ``$defs`` to which it refers.
-
-    Parameters
-    ----------
-    schema, root : dict
-        A part of a schema, and the complete schema.
-    """
+    """Return the schema itself, or the schema in ``$defs`` to which it refers."""
     return root["$defs"][schema["$ref"].removeprefix("#/$defs/")] if "$ref" in schema else schema
 
 
@@ -101,20 +71,7 @@ def matcher(pattern: str) -> Any:
 
 
 def all_fit(values: list[Any], schema: Schema, root: Schema) -> bool:
-    """Return whether all values of a list match a schema, checked one nesting level at a time.
-
-    Parameters
-    ----------
-    values : list of JSON values
-        Of any type.
-    schema, root : dict
-        Schema of each value, and the complete schema.
-
-    Returns
-    -------
-    bool
-        False if a value does not match, or if the schema has a keyword that needs a check of each value.
-    """
+    """Return whether all values of a list match a schema, checked one nesting level at a time."""
     if schema.keys() - ANNOTATIONS == {"$ref"}:
         schema = definition(schema, root)
     if schema.keys() - ANNOTATIONS == {"const"}:

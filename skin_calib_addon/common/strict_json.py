@@ -28,13 +28,7 @@ _STEP[list(b"]}")] = -1
 
 
 def read(path: str | os.PathLike[str]) -> bytes:
-    """Read the bytes of a file; a file that is too large or not regular is rejected before.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the file is missing, unreadable, a folder, a pipe, a device, or larger than `MAX_JSON_BYTES`.
-    """
+    """Read the bytes of a file; a file that is too large or not regular is rejected before."""
     size = size_of(path)
     if size > MAX_JSON_BYTES:
         raise CalibrationFormatError(f"cannot read '{path}': its {size} bytes exceed the limit of {MAX_JSON_BYTES}.")
@@ -46,13 +40,7 @@ def read(path: str | os.PathLike[str]) -> bytes:
 
 
 def size_of(path: str | os.PathLike[str]) -> int:
-    """Return the size of a file [bytes] without opening it, because a pipe or a device may block.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the file is missing, a folder, a pipe or a device.
-    """
+    """Return the size of a file [bytes] without opening it, because a pipe or a device may block."""
     try:
         status = os.stat(path)
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the path
@@ -69,16 +57,7 @@ def _unreadable(path: str | os.PathLike[str], problem: Exception) -> Calibration
 
 
 def parse(data: bytes) -> tuple[Any, tuple[Finding, ...]]:
-    """Parse the bytes of a JSON file.
-
-    Returns
-    -------
-    document
-        None if the bytes cannot be parsed; otherwise complete, so that the caller can search for further problems.
-        A repeated key has its last value. A number that is not allowed is an infinite float or NaN.
-    findings : tuple of Finding
-        All violations of strict JSON. Do not use the document if there is one.
-    """
+    """Parse the bytes of a JSON file."""
     try:
         text = _decoded(data)
         _measure(data)

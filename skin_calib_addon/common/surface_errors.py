@@ -16,15 +16,7 @@ class DistanceStatistics:
 
     @classmethod
     def of(cls, distances: Array, weights: Array) -> "DistanceStatistics":
-        """Return the statistics of weighted distances.
-
-        Parameters
-        ----------
-        distances : array, shape (k,)
-            [m]
-        weights : array, shape (k,)
-            Area that each distance represents [m^2].
-        """
+        """Return the statistics of weighted distances."""
         fraction = weights / weights.sum()  # sums: the last bits of BLAS products depend on its threads
         mean, square = (fraction * distances).sum(), (fraction * distances**2).sum()
         return cls(float(mean), float(square**0.5), float(distances.max()))

@@ -24,11 +24,6 @@ def read_rows(text: str) -> Iterator[tuple[int, list[str]]]:
     """Yield line number and cells of each row, without comments and empty lines.
 
     The separator is the one of `SEPARATORS` that is most frequent in the header.
-
-    Raises
-    ------
-    TableError
-        If a quotation mark is not closed, or is inside a cell without quotes.
     """
     lines = text.split("\n")
     head = next((content for content in lines if content.strip() and not content.startswith("#")), "")
@@ -71,15 +66,7 @@ def naming_file(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def read_named_rows(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield line number and cells of the header, in lower case, and of each row below.
-
-    Raises
-    ------
-    CellError
-        If a row and the header have different numbers of cells.
-    TableError
-        As :func:`read_rows` does.
-    """
+    """Yield line number and cells of the header, in lower case, and of each row below."""
     width = None
     for line, row in read_rows(text):
         cells = [cell.strip() for cell in row]
@@ -92,22 +79,7 @@ def read_named_rows(text: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def find_column(header: list[str], name: str, line: int) -> int:
-    """Return the position of a column.
-
-    Parameters
-    ----------
-    header : list of str
-        Names of all columns, in lower case.
-    name : str
-        In lower case.
-    line : int
-        Line number of the header, for messages.
-
-    Raises
-    ------
-    CellError
-        If no column or two columns have this name.
-    """
+    """Return the position of a column."""
     if name not in header:
         raise CellError(line, len(header) + 1, f"the header names no column {show(name)}{did_you_mean(name, header)}")
     place = header.index(name)
@@ -117,20 +89,7 @@ def find_column(header: list[str], name: str, line: int) -> int:
 
 
 def number_in(row: list[str], column: int, line: int) -> float:
-    """Return the number in a cell.
-
-    Parameters
-    ----------
-    row : list of str
-        Cells of the row.
-    column, line : int
-        Position of the cell in the row, and line number of the row.
-
-    Raises
-    ------
-    CellError
-        If the cell is not a finite number.
-    """
+    """Return the number in a cell."""
     try:
         return real(row[column]) + 0.0  # no minus zero
     except NumberError as problem:

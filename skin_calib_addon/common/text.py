@@ -28,19 +28,7 @@ class NumberError(ValueError):
 
 
 def check_size(data: bytes, path: str | os.PathLike[str]) -> None:
-    """Reject a file larger than `MAX_TEXT_BYTES`.
-
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
-    path : path
-        For the message.
-
-    Raises
-    ------
-    CalibrationFormatError
-    """
+    """Reject a file larger than `MAX_TEXT_BYTES`."""
     if len(data) > MAX_TEXT_BYTES:
         raise CalibrationFormatError(
             f"cannot read '{path}': its {len(data)} bytes exceed the limit of {MAX_TEXT_BYTES}."
@@ -48,33 +36,14 @@ def check_size(data: bytes, path: str | os.PathLike[str]) -> None:
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
-    """Read the text of a file, as :func:`text_of`.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the file cannot be read, exceeds a limit, or is not UTF-8 text.
-    """
+    """Read the text of a file, as :func:`text_of`."""
     data = read(path)
     check_size(data, path)
     return text_of(data, path)
 
 
 def text_of(data: bytes, path: str | os.PathLike[str]) -> str:
-    """Decode UTF-8 text, with or without a byte order mark; every line ends with one line feed.
-
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
-    path : path
-        For messages.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the file is empty, exceeds `MAX_TEXT_LINES` or `MAX_LINE_LENGTH`, or is not UTF-8 text.
-    """
+    """Decode UTF-8 text, with or without a byte order mark; every line ends with one line feed."""
     if not data:
         raise CalibrationFormatError(f"'{path}' is empty. Check that it was written completely.")
     try:
@@ -97,13 +66,7 @@ def text_of(data: bytes, path: str | os.PathLike[str]) -> str:
 
 
 def real(word: str) -> float:
-    """Return the finite number that a word represents.
-
-    Raises
-    ------
-    NumberError
-        If the word is not a finite number.
-    """
+    """Return the finite number that a word represents."""
     if _NUMBER.fullmatch(word):
         number = float(word)
         if math.isfinite(number):
@@ -114,13 +77,7 @@ def real(word: str) -> float:
 
 
 def whole(word: str) -> int:
-    """Return the integer that a word represents.
-
-    Raises
-    ------
-    NumberError
-        If the word is not an integer.
-    """
+    """Return the integer that a word represents."""
     if not _WHOLE.fullmatch(word):
         raise NumberError("number", f"has {shown(word)} instead of an integer")
     return int(word)

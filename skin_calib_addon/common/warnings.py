@@ -65,22 +65,7 @@ NOWHERE = Place()
 
 @dataclass(frozen=True)
 class Warning:
-    """One problem of a result: what, where, how large, and what to do.
-
-    Attributes
-    ----------
-    code : str
-        Stable name of the kind, lower case with hyphens; ``docs/troubleshooting.md`` lists all of them.
-    severity : "error", "warning" or "note"
-        An error makes the result unusable; a note is information.
-    message : str
-        Full sentences that include location and value.
-    where : Place
-    value : float, optional
-        The value that the message states, in SI units.
-    advice : str
-        What to do, in the imperative; may be empty.
-    """
+    """One problem of a result: what, where, how large, and what to do."""
 
     code: str
     severity: Severity

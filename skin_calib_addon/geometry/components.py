@@ -8,14 +8,6 @@ from ..common.arrays import IntArray
 
 
 def components(nodes: int, first: IntArray, second: IntArray) -> IntArray:
-    """Return the number of the component of each node, shape (nodes,); they count from 0.
-
-    Parameters
-    ----------
-    nodes : int
-        Number of nodes.
-    first, second : array of int, shape (e,)
-        Nodes that each edge connects.
-    """
+    """Return the number of the component of each node, shape (nodes,); they count from 0."""
     graph = coo_array((np.ones(len(first)), (first, second)), shape=(nodes, nodes))
     return connected_components(graph, directed=False)[1].astype(np.int64)

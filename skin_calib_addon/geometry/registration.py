@@ -138,17 +138,6 @@ def fit_nearby(mesh: TriangleMesh, points: Array) -> NearbyFit:
         \min_{R, t, h} \sum_i w_i \left( d(R \mathbf{p}_i + t) - h \right)^2 \quad [m^2]
 
     with the signed distances d to the mesh [m], positive outside, the thickness h of the skin [m] and robust weights w.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        Of the link, in the link frame.
-    points : array, shape (n, 3)
-        [m], nearly in the link frame.
-
-    Returns
-    -------
-    NearbyFit
     """
     exact, cloud = distance_to(mesh), Cloud.of(points)
     some = cloud.points[farthest_points(cloud.points, RANKING_POINTS)]
@@ -213,18 +202,6 @@ def find_frame(mesh: TriangleMesh, points: Array) -> RigidFit:
 
     Thousands of initial poses descend together on a few points of the cloud. The best different poses are refined on
     all points. A cloud whose mean distance is at most `ON_MESH_DISTANCE` stays.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        Of the link, in the link frame.
-    points : array, shape (n, 3)
-        [m], in a frame of their own, or in the link frame.
-
-    Returns
-    -------
-    RigidFit
-        The motion, its distances and the verdict.
     """
     points = np.asarray(points, float)
     exact, cloud = distance_to(mesh), Cloud.of(points)
@@ -242,22 +219,7 @@ def find_frame(mesh: TriangleMesh, points: Array) -> RigidFit:
 
 
 def verdict_of(before: float, after: float, rival: float, slack: float, size: float) -> Verdict:
-    """Return what to do with a cloud whose best pose is known.
-
-    Parameters
-    ----------
-    before, after, rival : float
-        Mean distances of the cloud as given, in its best pose, and in the best different pose [m].
-    slack : float
-        Distance that it can slide [m].
-    size : float
-        Its size [m].
-
-    Returns
-    -------
-    str
-        As of `RigidFit`.
-    """
+    """Return what to do with a cloud whose best pose is known."""
     if after > MAX_REMAINING_RATIO * before and before <= MAX_SKIN_THICKNESS:
         return "right"
     if after > min(MAX_MEAN_DISTANCE, MAX_REMAINING_RATIO * before):
@@ -371,28 +333,6 @@ def descend(
 
     with the heights :math:`h_i` [m] of the planes over the points, their normals :math:`\mathbf{n}_i`, and the cost
     :math:`C` of the motion.
-
-    Parameters
-    ----------
-    samples : SampledMesh
-        The mesh.
-    points : array, shape (k, 3)
-        Relative to the centre of the cloud [m].
-    rotations : array, shape (b, 3, 3)
-        Of the initial poses.
-    positions : array, shape (b, 3)
-        Of the initial poses [m].
-    steps : int
-        Number of iterations.
-
-    Returns
-    -------
-    rotations : array, shape (b, 3, 3)
-        Of the final poses.
-    positions : array, shape (b, 3)
-        Of the final poses [m].
-    misfit : array, shape (b,)
-        Mean distance of the points that count, before the last iteration [m].
     """
     keep = max(int(np.ceil(TRIMMED_FRACTION * len(points))), 1)
     displacements = _displacements(points)
@@ -506,19 +446,7 @@ def _different(poses: list[Pose], points: Array, far: float, most: int) -> list[
 
 
 def farthest_points(points: Array, count: int) -> IntArray:
-    """Return the indices of at most ``count`` points far from each other: farthest-point sampling.
-
-    Parameters
-    ----------
-    points : array, shape (n, 3)
-        [m]
-    count : int
-        Number of indices.
-
-    Returns
-    -------
-    array of int
-    """
+    """Return the indices of at most ``count`` points far from each other: farthest-point sampling."""
     distance = ((points - points.mean(axis=0)) ** 2).sum(axis=1)
     chosen = [int(distance.argmax())]
     distance = ((points - points[chosen[0]]) ** 2).sum(axis=1)

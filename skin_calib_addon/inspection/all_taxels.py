@@ -86,13 +86,7 @@ class AllTaxels:
         return np.where(np.abs(along) >= np.abs(across), along, across)
 
     def row_of(self, word: str) -> int:
-        """Return the row of a taxel, by its id or its channel.
-
-        Raises
-        ------
-        UnknownTaxel
-            If there is no such taxel; the message lists similar ids and the range of the channels.
-        """
+        """Return the row of a taxel, by its id or its channel."""
         word = word.strip()
         if word in self.rows:
             return self.rows[word]
@@ -106,17 +100,7 @@ class AllTaxels:
         raise UnknownTaxel(f"no taxel {word!r} here; {channels}, ids from {self.ids[0]}{did_you_mean(word, self.ids)}")
 
     def under(self, start: Array, direction: Array, farthest: float = np.inf) -> int | None:
-        """Return the row of the taxel whose cell a ray hits first from outside; None without a hit.
-
-        Parameters
-        ----------
-        start : array, shape (3,)
-            Start of the ray [m].
-        direction : array, shape (3,)
-            Direction of the ray; its length is the unit of ``farthest``.
-        farthest : float
-            End of the ray, in lengths of ``direction``.
-        """
+        """Return the row of the taxel whose cell a ray hits first from outside; None without a hit."""
         a = self.positions[:, None]
         u, v = self.corners - a, np.roll(self.corners, -1, axis=1) - a
         p = cross(np.broadcast_to(direction, v.shape), v)

@@ -40,13 +40,7 @@ class Comparison:
 
 
 def read_others(path: str | os.PathLike[str]) -> TaxelSet:
-    """Read the taxels of a calibration, or of a file of another program in any readable format.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the file cannot be read.
-    """
+    """Read the taxels of a calibration, or of a file of another program in any readable format."""
     if Path(path).suffix.lower() != ".json":
         return read_taxels(path)
     calibration, findings = load_with_warnings(path)
@@ -59,23 +53,7 @@ def read_others(path: str | os.PathLike[str]) -> TaxelSet:
 
 
 def compare(taxels: AllTaxels, others: TaxelSet, mesh: TriangleMesh, link: str = "") -> Comparison:
-    """Pair taxels with those of a file: by id if most ids agree, otherwise each of the file with the nearest of ours.
-
-    Parameters
-    ----------
-    taxels : AllTaxels
-        Our taxels, at least one.
-    others : TaxelSet
-        Taxels of the file, in its frame.
-    mesh : TriangleMesh
-        Mesh of the link, which defines the link frame.
-    link : str
-        Name of the link, if the file may name another one.
-
-    Returns
-    -------
-    Comparison
-    """
+    """Pair taxels with those of a file: by id if most ids agree, otherwise each with the nearest of ours."""
     known = [(taxels.rows[label], row) for row, label in enumerate(others.labels) if label in taxels.rows]
     is_named = 2 * len(known) >= min(len(taxels.ids), len(others.labels))
     by: Literal["id", "nearest"] = "id" if is_named else "nearest"

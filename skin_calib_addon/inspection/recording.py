@@ -25,40 +25,13 @@ MAX_NUMBERS = 2**26
 
 
 def read_recording(path: str | Path) -> Iterator[tuple[float, Array]]:
-    """Yield time [s] and reading of each frame of a recording.
-
-    Parameters
-    ----------
-    path : path
-        A CSV file or an NPZ file. The first column of a CSV file is ``time``. If there are names such as ``channel_7``,
-        these columns are the channels with these numbers, and no other column counts. Otherwise all others are the
-        channels, in their order. Commas, semicolons or tabs separate the columns. An empty cell is a lost number. An
-        NPZ file has the arrays ``time`` (t,) and ``readings`` (t, channels).
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the file is invalid; names the file, and line and column of the first error.
-    """
+    """Yield time [s] and reading of each frame of a recording."""
     path = Path(path)
     return _packed(path) if path.suffix.lower() == ".npz" else _table(path)
 
 
 def read_modalities(path: str | Path, names: Collection[str]) -> dict[str, Array]:
-    """Return the readings (t, channels) of the modalities that a recording has.
-
-    Parameters
-    ----------
-    path : path
-        As for `read_recording`. An NPZ file can have an array for each modality; a CSV file has none.
-    names : collection of str
-        Modalities of the skin. Other arrays do not count.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the file is invalid, or an array has not one row for each frame.
-    """
+    """Return the readings (t, channels) of the modalities that a recording has."""
     path = Path(path)
     if path.suffix.lower() != ".npz":
         return {}
@@ -80,15 +53,7 @@ def _packed(path: Path) -> Iterator[tuple[float, Array]]:
 
 
 def _arrays(path: Path, choose: Callable[[Collection[str]], Iterable[str]]) -> dict[str, np.ndarray]:
-    """Return some arrays of an NPZ file by their names.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    choose : callable
-        Returns the names of the arrays to read, from those in the file.
-    """
+    """Return some arrays of an NPZ file by their names."""
     size_of(path)
     if not zipfile.is_zipfile(path):  # NumPy would take it for a pickle
         raise CalibrationFormatError(f"cannot read '{path}': it is not an NPZ file; save it with numpy.savez")

@@ -17,22 +17,7 @@ DEFAULT_PERIOD = 0.01
 
 
 class Replay:
-    """Readings of a recording, processed by the runtime.
-
-    Parameters
-    ----------
-    calibration : LinkCalibration
-        Calibration of the skin.
-    recorded : iterable of (time [s], reading)
-        Frames of the recording.
-    name : str
-        Name of the recording, for messages.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If there is no frame, or a frame is not a reading of this skin; names the first one.
-    """
+    """Readings of a recording, processed by the runtime."""
 
     def __init__(self, calibration: LinkCalibration, recorded: Iterable[tuple[float, Array]], name: str):
         self.taxels = AllTaxels.of(calibration.patches)
@@ -55,15 +40,7 @@ class Replay:
 
     @classmethod
     def read(cls, calibration: LinkCalibration, path: str | Path) -> "Replay":
-        """Read a recording from a file, see `read_recording`.
-
-        Parameters
-        ----------
-        calibration : LinkCalibration
-            Calibration of the skin.
-        path : path
-            A CSV or NPZ file.
-        """
+        """Read a recording from a file, see `read_recording`."""
         return cls(calibration, read_recording(path), Path(path).name)
 
     def _take(self, reading: Array, name: str) -> None:

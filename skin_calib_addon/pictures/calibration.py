@@ -47,19 +47,7 @@ class Camera:
 
 
 def look_at(normals: Array, along: Array) -> Camera:
-    """Return a view along the mean of ``normals``, from slightly above, with ``along`` upright.
-
-    Parameters
-    ----------
-    normals : array, shape (n, 3)
-        Unit normals of the visible side.
-    along : array, shape (3,)
-        Unit vector that points up in the picture.
-
-    Returns
-    -------
-    Camera
-    """
+    """Return a view along the mean of ``normals``, from slightly above, with ``along`` upright."""
     front = unit(normals.mean(axis=0)) if np.linalg.norm(normals.mean(axis=0)) > 0.1 else unit(normals[0])
     towards = unit(front + 0.35 * along)
     right = np.cross(along, towards)
@@ -68,24 +56,7 @@ def look_at(normals: Array, along: Array) -> Camera:
 
 
 def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: TriangleMesh | None = None) -> None:
-    """Draw mesh, fitted surface and taxels side by side into a PNG file.
-
-    Parameters
-    ----------
-    calibration : LinkCalibration
-        Calibration with a surface.
-    path : path
-        The PNG file.
-    mesh : TriangleMesh, optional
-        The cover. It is drawn, and the surface is coloured by its distance from it.
-
-    Raises
-    ------
-    SkinCalibError
-        If matplotlib is missing, or the calibration has no surface.
-    OutputError
-        If the picture cannot be written.
-    """
+    """Draw mesh, fitted surface and taxels side by side into a PNG file."""
     if not calibration.surfaces:
         raise SkinCalibError(f"the calibration of '{calibration.link}' has no surface to draw; fit its plan")
     figure = blank(1, 1)  # raises before the computation if matplotlib is missing
@@ -135,18 +106,7 @@ def _quad_normals(quads: Array) -> Array:
 
 
 def blank(width: float, height: float) -> Any:
-    """Return an empty figure without a window.
-
-    Parameters
-    ----------
-    width, height : float
-        Size [inches].
-
-    Raises
-    ------
-    SkinCalibError
-        If matplotlib is missing.
-    """
+    """Return an empty figure without a window."""
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -160,15 +120,7 @@ def blank(width: float, height: float) -> Any:
 
 
 def save_png(figure: Any, path: str | Path) -> None:
-    """Write a figure; the same drawing gives the same bytes.
-
-    Parameters
-    ----------
-    figure : matplotlib figure
-        The figure.
-    path : path
-        The PNG file.
-    """
+    """Write a figure; the same drawing gives the same bytes."""
     data = io.BytesIO()
     figure.savefig(data, format="png", metadata={"Software": None})
     write_bytes_safely(path, data.getvalue())

@@ -21,22 +21,6 @@ def draw_replay(skin: Skin, frames: Sequence[Frame], path: str | Path) -> None:
 
     A skin with a ground is drawn on it, seen from the robot, with the CoP and some supporting polygons. Another skin is
     drawn patch by patch in its rows and columns.
-
-    Parameters
-    ----------
-    skin : Skin
-        Skin that processed the recording.
-    frames : sequence of Frame
-        Its results, at least one.
-    path : path
-        The PNG file.
-
-    Raises
-    ------
-    SkinCalibError
-        If matplotlib is missing.
-    OutputError
-        If the picture cannot be written.
     """
     figure = blank(12, 5.2)
     place, course = figure.subplots(1, 2, width_ratios=(1.35, 1))

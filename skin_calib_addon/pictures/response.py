@@ -22,26 +22,7 @@ def draw_responses(
     quantity: str = "force",
     unit: str = "N",
 ) -> None:
-    """Draw forces over readings with the fitted curves, and the residuals, into a PNG file.
-
-    Parameters
-    ----------
-    measured : sequence of Measurements
-        Measurements of each curve.
-    fits : sequence of ResponseFit
-        Their fits.
-    path : path
-        The PNG file.
-    quantity, unit : str, optional
-        What the responses give. Only a ``"force"`` has a limit at zero.
-
-    Raises
-    ------
-    SkinCalibError
-        If matplotlib is missing.
-    OutputError
-        If the picture cannot be written.
-    """
+    """Draw forces over readings with the fitted curves, and the residuals, into a PNG file."""
     figure = blank(11, 4.6)
     curves, errors = figure.subplots(1, 2)
     for k, (one, fit) in enumerate(zip(measured, fits)):

@@ -35,30 +35,7 @@ def draw_robot(
     path: str | Path,
     kept_out: Mapping[str, BoolArray] | None = None,
 ) -> None:
-    """Draw a robot from both sides into a PNG file: skin coloured, other faces grey.
-
-    Parameters
-    ----------
-    meshes : mapping of str to TriangleMesh
-        Links to draw, in their frames.
-    poses : mapping of str to array, shape (4, 4)
-        Poses of all links in one frame.
-    calibrations : mapping of str to LinkCalibration
-        Skins, by link.
-    title : str
-        Text above the picture.
-    path : path
-        The PNG file.
-    kept_out : mapping of str to array of bool, shape (f,), optional
-        Faces of the links that other links cover, or that cannot be seen. They get a colour.
-
-    Raises
-    ------
-    SkinCalibError
-        If matplotlib is missing.
-    OutputError
-        If the picture cannot be written.
-    """
+    """Draw a robot from both sides into a PNG file: skin coloured, other faces grey."""
     figure = blank(1, 1)  # raises before the computation if matplotlib is missing
     bodies = [_moved(mesh.triangles, poses[link]) for link, mesh in meshes.items()]
     cells = [_moved(part, poses[link]) for link, found in calibrations.items() for part in _cells(found)]
@@ -128,17 +105,7 @@ def _image(triangles: Array, covered: BoolArray, colours: Array, camera: Camera)
 
 
 def _nearest(pixels: Array, visible: BoolArray, size: IntArray) -> IntArray:
-    """Return the nearest triangle of each pixel, shape (height * width,); -1 where there is none.
-
-    Parameters
-    ----------
-    pixels : array, shape (f, 3, 3)
-        Corners: column, row [pixels], and a depth that increases towards the viewer.
-    visible : array of bool, shape (f,)
-        Which to draw.
-    size : array of int, shape (2,)
-        Width and height of the picture.
-    """
+    """Return the nearest triangle of each pixel, shape (height * width,); -1 where there is none."""
     a, b, c = pixels[:, 0], pixels[:, 1], pixels[:, 2]
     area: Array = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
     drawn = np.flatnonzero(visible & (np.abs(area) > MIN_TRIANGLE_AREA))

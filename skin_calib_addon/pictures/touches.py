@@ -16,22 +16,7 @@ PATCH_HEIGHT = 4.8  # height of one patch [inches]
 
 
 def draw_touches(found: Sequence[Placement], path: str | Path) -> None:
-    """Draw each flat patch with its touches, and all touches on one cell, into a PNG file.
-
-    Parameters
-    ----------
-    found : sequence of Placement
-        Touches of each patch.
-    path : path
-        The PNG file.
-
-    Raises
-    ------
-    SkinCalibError
-        If matplotlib is missing, or no patch has a flat shape.
-    OutputError
-        If the picture cannot be written.
-    """
+    """Draw each flat patch with its touches, and all touches on one cell, into a PNG file."""
     shown = [placement for placement in found if placement.patch.kind != "imported" and len(placement.rows)]
     if not shown:
         raise SkinCalibError("no picture: only touches on sheets and boards can be drawn, as these have a flat shape")

@@ -176,46 +176,13 @@ def _without_disabled(modality: Modality, placed: tuple[PlacedSkin, ...]) -> Mod
 
 
 def cut_for(plan: Plan, surface: Surface, mesh: TriangleMesh) -> TriangleMesh:
-    """Return the cover of one surface of a plan; errors name the surface if there are several.
-
-    Parameters
-    ----------
-    plan : Plan
-        The plan.
-    surface : Surface
-        One of its surfaces.
-    mesh : TriangleMesh
-        Of the link.
-
-    Returns
-    -------
-    TriangleMesh
-    """
+    """Return the cover of one surface of a plan; errors name the surface if there are several."""
     with naming_surface(plan, surface.name):
         return cut_cover(mesh, surface.cover)
 
 
 def fit_of(plan: Plan, surface: Surface, cover: TriangleMesh) -> SurfaceFit:
-    """Fit one surface of a plan; errors name the surface if there are several.
-
-    Parameters
-    ----------
-    plan : Plan
-        The plan.
-    surface : Surface
-        One of its surfaces.
-    cover : TriangleMesh
-        Of this surface.
-
-    Returns
-    -------
-    SurfaceFit
-
-    Raises
-    ------
-    SkinCalibError
-        If the surface cannot be fitted, or a warning about it is an error.
-    """
+    """Fit one surface of a plan; errors name the surface if there are several."""
     with naming_surface(plan, surface.name):
         fit = fit_grid(cover, surface.grid, surface.degree, surface.chords, surface.max_deviation)
         refuse_errors(fit.warnings)
@@ -223,13 +190,7 @@ def fit_of(plan: Plan, surface: Surface, cover: TriangleMesh) -> SurfaceFit:
 
 
 def refuse_errors(warnings: Iterable[Warning]) -> None:
-    """Raise the first error among the warnings of a fit.
-
-    Raises
-    ------
-    PoorFit
-        If there is one, because the surface cannot be used.
-    """
+    """Raise the first error among the warnings of a fit."""
     for warning in warnings:
         if warning.severity == "error":
             raise PoorFit(f"{warning.message} {warning.advice}", code=warning.code, place=warning.where)
@@ -239,18 +200,6 @@ def warnings_of(fits: Mapping[str, SurfaceFit], placed: tuple[PlacedSkin, ...]) 
     """Return the warnings of all fits and of the skins on them; they name the surfaces if there are several.
 
     What is wrong with the mesh itself is the same for many surfaces: one warning names all of these.
-
-    Parameters
-    ----------
-    fits : mapping of str to SurfaceFit
-        By the name of the surface.
-    placed : tuple of PlacedSkin
-        The skins.
-
-    Returns
-    -------
-    tuple of Warning
-        The worst one first.
     """
     surfaces: dict[Warning, list[str]] = {}
     for name, fit in fits.items():
@@ -292,15 +241,7 @@ def _over_holes(patch: Patch, fit: SurfaceFit) -> tuple[Warning, ...]:
 
 
 def surface_model(name: str, fit: SurfaceFit) -> SurfaceModel:
-    """Convert a fitted surface to the record of a calibration.
-
-    Parameters
-    ----------
-    name : str
-        Of the surface.
-    fit : SurfaceFit
-        The surface.
-    """
+    """Convert a fitted surface to the record of a calibration."""
     s = fit.surface
     return SurfaceModel(name, s.degree, s.knots_u, s.knots_v, s.control_net, s.closed, fit.errors)
 

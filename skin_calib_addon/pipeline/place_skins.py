@@ -73,26 +73,6 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = 
     """Place the skins of a link one after another, join adjacent sheets, and state the uncertainty of their taxels.
 
     The skins are on the surface through the vertices, see `SurfaceFit.error_field`, and not along the facets.
-
-    Parameters
-    ----------
-    plan : Plan
-        Has the skins.
-    fits : mapping of str to SurfaceFit
-        Its surfaces by their names.
-    draft : Draft, optional
-        Place the skins fast and not exactly, for a preview.
-
-    Returns
-    -------
-    tuple of PlacedSkin
-
-    Raises
-    ------
-    SkinCalibError
-        If a skin does not fit; the message names it, and its surface if there are several.
-        If two taxels have a channel in common, or imported taxels are in another frame.
-        If a sheet overlaps itself around the link by more than a tenth of a cell, and its plan does not allow it.
     """
     skins = plan.skins
     placed: list[PlacedSkin] = []
@@ -135,21 +115,7 @@ def draft_skin(skin: Skin, fit: SurfaceFit, first_channel: int, draft: Draft) ->
 
 @singledispatch
 def place_skin(skin: Skin, fit: SurfaceFit, first_channel: int) -> PlacedSkin:
-    """Place one skin on the surface of a fit.
-
-    Parameters
-    ----------
-    skin : Skin
-        A sheet, boards, or imported taxels.
-    fit : SurfaceFit
-        The surface.
-    first_channel : int
-        Channel of its first taxel.
-
-    Returns
-    -------
-    PlacedSkin
-    """
+    """Place one skin on the surface of a fit."""
     raise TypeError(f"cannot place a {type(skin).__name__}")
 
 
@@ -191,20 +157,6 @@ def on_cover(sheet: WrappedSheet, skin: SheetSkin, fit: SurfaceFit) -> WrappedSh
 
     They are over a hole, outside the boundary of the grid, off the mesh, or inclined to the mean normal of the faces
     below their centre, corners and edges.
-
-    Parameters
-    ----------
-    sheet : WrappedSheet
-        The placed sheet.
-    skin : SheetSkin
-        Its skin, which is trimmed.
-    fit : SurfaceFit
-        The surface.
-
-    Raises
-    ------
-    OutsideSurface
-        If no cell is left.
     """
     shape, flat = sheet.uv.shape[:2], sheet.uv.reshape(-1, 2)
     distance, face, _ = distance_to(fit.given_mesh)(sheet.surface.points(flat))

@@ -42,29 +42,6 @@ def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
 
     Each step applies the rigid motion of a skin in its developed plane that fits its touches best. It changes origin
     and direction of the skin, or its landmarks. Boards keep their cells.
-
-    Parameters
-    ----------
-    plan : Plan
-        The plan to refine.
-    result : Calibrated
-        Calibration of the plan.
-    touches : Touches
-        Measured touches.
-
-    Returns
-    -------
-    Refined
-
-    Raises
-    ------
-    InvalidPlan
-        If a skin has too few touches, touches of channels in another order, or no first cell although it is centred;
-        if it is imported; or if the refinement does not converge.
-    CalibrationFormatError
-        If a touch is more than 5 mm from its skin.
-    OutsideSurface
-        If a skin would leave the surface.
     """
     check_touches(result.calibration, touches)
     placed, found = result.placed, placements(result.calibration, touches)
@@ -135,21 +112,7 @@ def _largest(placement: Placement) -> float:
 
 @singledispatch
 def moved(skin: Skin, patch: Patch, motion: Motion) -> Any:
-    """Return a skin that is moved along the surface.
-
-    Parameters
-    ----------
-    skin : Skin
-        The skin before the motion.
-    patch : Patch
-        Its current placement.
-    motion : Motion
-        Motion in the developed plane [m, rad].
-
-    Returns
-    -------
-    Skin
-    """
+    """Return a skin that is moved along the surface."""
     raise TypeError(f"cannot move a {type(skin).__name__}")
 
 

@@ -20,20 +20,7 @@ MARGIN_STEP = 0.02
 
 
 def mends(change: str, plan: Plan, mesh: TriangleMesh, problem: Warning) -> bool:
-    """Return whether a change mends a problem of a surface: after it the surface is fitted without this warning.
-
-    Parameters
-    ----------
-    change : "cut", "sector", "margin" or "seen"
-        A cut across the link at the place of the problem, a part of the turn of a tube, a wider margin, or only the
-        faces that can be seen from outside.
-    plan : Plan
-        The plan.
-    mesh : TriangleMesh
-        Of the link, in its frame [m].
-    problem : Warning
-        Of the fit, or its refusal, which has the severity "error". If it names no surface, it is about the only one.
-    """
+    """Return whether a change mends a problem of a surface: after it the surface is fitted without this warning."""
     surface = next((one for one in plan.surfaces if one.name == problem.where.surface), plan.surfaces[0])
     changed = CHANGES[change](surface, mesh, problem)
     if changed is None:

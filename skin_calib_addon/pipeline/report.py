@@ -30,20 +30,7 @@ BOARD_LENGTHS = ("pitch_error", "gap", "collision", "overhang")
 
 
 def summary(result: Calibrated, path: Path) -> str:
-    """Return a summary of one fit: sizes, errors, placement, time.
-
-    Parameters
-    ----------
-    result : Calibrated
-        Result of the fit.
-    path : Path
-        Calibration file.
-
-    Returns
-    -------
-    str
-        About a dozen lines.
-    """
+    """Return a summary of one fit: sizes, errors, placement, time."""
     seconds = result.seconds
     taxels = sum(len(p.taxels.ids) for p in result.calibration.patches)
     mesh = result.calibration.mesh
@@ -190,19 +177,7 @@ def _surface_document(fit: SurfaceFit) -> dict[str, Any]:
 
 
 def robot_table(robot: RobotSet, calibrations: Mapping[str, LinkCalibration]) -> str:
-    """Return a table of the links of a robot, a line for each and one for all.
-
-    Parameters
-    ----------
-    robot : RobotSet
-        The set.
-    calibrations : mapping of str to LinkCalibration
-        By link; a link without one has no numbers.
-
-    Returns
-    -------
-    str
-    """
+    """Return a table of the links of a robot, a line for each and one for all."""
     rows: list[tuple[str, ...]] = [
         ("link", "parent", "patches", "taxels", "channels", "bus", "area", "mean error", "warnings")
     ]
@@ -242,17 +217,7 @@ def seen_area(mesh: TriangleMesh) -> float:
 
 
 def area_table(areas: Mapping[str, tuple[float, float]]) -> str:
-    """Return a table of the areas of a robot, a line for each link and one for all.
-
-    Parameters
-    ----------
-    areas : mapping of str to (float, float)
-        Area of the cells, and area that can be seen from outside without the other links, by link [m^2].
-
-    Returns
-    -------
-    str
-    """
+    """Return a table of the areas of a robot, a line for each link and one for all."""
     total = tuple(sum(column) for column in zip((0.0, 0.0), *areas.values()))
     lines = []
     for link, (cells, seen) in (*areas.items(), ("all links", total)):

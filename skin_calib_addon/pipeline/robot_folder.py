@@ -18,27 +18,7 @@ from .sources import add_outputs, load_sources, relative_path, save_source, sour
 
 
 def save_link(result: Calibrated, plan: Plan, path: Path) -> Path:
-    """Write the calibration of a link next to its plan, and record its source, as the command line does.
-
-    Parameters
-    ----------
-    result : Calibrated
-        Of the plan.
-    plan : Plan
-        The path of its mesh is absolute, or from the current folder.
-    path : Path
-        File of the plan, which is written already.
-
-    Returns
-    -------
-    Path
-        Of the calibration.
-
-    Raises
-    ------
-    SkinCalibError
-        If a file cannot be read or written.
-    """
+    """Write the calibration of a link next to its plan, and record its source, as the command line does."""
     folder = path.parent
     calibration = folder / f"{path.name.removesuffix('.json').removesuffix('.plan')}.calibration.json"
     source = source_of(path, plan, folder)
@@ -54,25 +34,6 @@ def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> str:
     Without an argument, the URDF is the mesh of all plans, if it is the same.
 
     A folder of several calibrations of one link is no robot: without URDF and earlier file, none is written.
-
-    Parameters
-    ----------
-    folder : Path
-        Has the calibrations.
-    robot : Robot, optional
-        Content of the URDF, which gives the parents of the links.
-    urdf : Path, optional
-        File of the robot.
-
-    Returns
-    -------
-    str
-        Why the file names no URDF, although plans have their mesh from one; empty otherwise.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If a calibration, the URDF or the earlier file is invalid, or two calibrations have the same link.
     """
     before = load_robot_set(folder) if os.path.lexists(folder / FILE) else RobotSet(folder.resolve().name, None, ())
     links = [robot_link(folder, path.name) for path in sorted(folder.glob("*.calibration.json"))]
@@ -102,13 +63,7 @@ def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> str:
 
 
 def same_link(links: Mapping[str, str]) -> str:
-    """Return a clause that names two calibrations of one link; empty if each link has one.
-
-    Parameters
-    ----------
-    links : mapping of str to str
-        The links of the calibrations by their files.
-    """
+    """Return a clause that names two calibrations of one link; empty if each link has one."""
     files: dict[str, str] = {}
     for file, link in links.items():
         if (other := files.setdefault(link, file)) != file:
@@ -123,17 +78,7 @@ def _meshes_of_sources(folder: Path, links: Sequence[RobotLink]) -> set[str]:
 
 
 def _only_urdf(folder: Path, meshes: set[str], before: RobotSet) -> Path | None:
-    """Return the URDF that has the meshes of all links; None if an earlier fit had another URDF.
-
-    Parameters
-    ----------
-    folder : Path
-        Has the calibrations.
-    meshes : set of str
-        Of all links.
-    before : RobotSet
-        The earlier ``robot.json``.
-    """
+    """Return the URDF that has the meshes of all links; None if an earlier fit had another URDF."""
     mesh = next(iter(meshes)) if len(meshes) == 1 else ""
     is_other = before.urdf is not None and before.urdf.file != mesh
     return folder / mesh if is_urdf(Path(mesh)) and not is_other else None

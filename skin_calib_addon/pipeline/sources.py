@@ -48,53 +48,19 @@ class Source:
     warnings: tuple[Warning, ...]
 
     def has_files(self, folder: Path, hashes: dict[str, str]) -> bool:
-        """Return whether files are unchanged.
-
-        Parameters
-        ----------
-        folder : Path
-            Folder of the calibration.
-        hashes : dict
-            Expected hashes by relative path.
-        """
+        """Return whether files are unchanged."""
         return all(file_hash(folder / path) == expected for path, expected in hashes.items())
 
 
 def source_of(path: Path, plan: Plan, folder: Path) -> Source:
-    """Return the sources of a new calibration; call it before the fit, so that later changes are found.
-
-    Parameters
-    ----------
-    path : Path
-        File of the plan.
-    plan : Plan
-        Its content.
-    folder : Path
-        Folder of the calibration.
-
-    Returns
-    -------
-    Source
-        Without outputs.
-
-    Raises
-    ------
-    SkinCalibError
-        If the mesh is a URDF that cannot be read, or whose mesh files are missing.
-    """
+    """Return the sources of a new calibration; call it before the fit, so that later changes are found."""
     files = (path, *input_files(plan))
     inputs = {relative_path(folder, file): file_hash(file) or "" for file in files}
     return Source(PROGRAM, relative_path(folder, path), relative_path(folder, plan.mesh), inputs, {}, 0, 0.0, ())
 
 
 def input_files(plan: Plan) -> tuple[Path, ...]:
-    """Return all files that a plan names: of its mesh, and of its imported skins.
-
-    Raises
-    ------
-    SkinCalibError
-        If the mesh is a URDF that cannot be read, or whose mesh files are missing.
-    """
+    """Return all files that a plan names: of its mesh, and of its imported skins."""
     return (*plan_mesh_files(plan), *taxel_files(plan))
 
 
@@ -104,54 +70,20 @@ def taxel_files(plan: Plan) -> tuple[Path, ...]:
 
 
 def add_outputs(source: Source, folder: Path, outputs: list[Path], **numbers: Any) -> Source:
-    """Return a source with the hashes of its outputs, which must exist.
-
-    Parameters
-    ----------
-    source : Source
-        It stays unchanged.
-    folder : Path
-        Folder of the calibration.
-    outputs : list of Path
-        Written files.
-    **numbers
-        Other fields to replace.
-
-    Returns
-    -------
-    Source
-    """
+    """Return a source with the hashes of its outputs, which must exist."""
     hashes = {relative_path(folder, path): file_hash(path) or "" for path in outputs}
     return replace(source, outputs=hashes, **numbers)
 
 
 def is_current(now: Source, before: Source, folder: Path, outputs: list[Path]) -> bool:
-    """Return whether the outputs exist, are unchanged, and have the same program and inputs.
-
-    Parameters
-    ----------
-    now : Source
-        Current inputs.
-    before : Source
-        Recorded inputs and outputs.
-    folder : Path
-        Folder of the calibration.
-    outputs : list of Path
-        Required files.
-    """
+    """Return whether the outputs exist, are unchanged, and have the same program and inputs."""
     wanted = {relative_path(folder, path) for path in outputs}
     same = (now.program, now.inputs) == (before.program, before.inputs)
     return same and wanted <= before.outputs.keys() and before.has_files(folder, {p: before.outputs[p] for p in wanted})
 
 
 def load_sources(folder: Path) -> dict[str, Source]:
-    """Read the sources of a folder by the name of the calibration file; empty without a record.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the record cannot be read or is invalid.
-    """
+    """Read the sources of a folder by the name of the calibration file; empty without a record."""
     path = folder / FILE
     if not os.path.lexists(path):
         return {}
@@ -179,17 +111,7 @@ def _migrated(document: Any) -> Any:
 
 
 def save_source(folder: Path, name: str, source: Source) -> None:
-    """Record the source of a calibration; the records of others stay.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the calibration.
-    name : str
-        Name of the calibration file.
-    source : Source
-        Its source.
-    """
+    """Record the source of a calibration; the records of others stay."""
     sources = load_sources(folder) | {name: source}
     document = {
         "format": FORMAT,
@@ -204,20 +126,7 @@ def save_source(folder: Path, name: str, source: Source) -> None:
 
 
 def find_mesh(calibration: Path, file: str) -> Path | None:
-    """Return the mesh file of a calibration: that of `sources.json`, or in the same folder.
-
-    Parameters
-    ----------
-    calibration : Path
-        Calibration file.
-    file : str
-        Name of the mesh in the calibration.
-
-    Returns
-    -------
-    Path or None
-        None if no such file exists.
-    """
+    """Return the mesh file of a calibration: that of `sources.json`, or in the same folder."""
     noted = load_sources(calibration.parent).get(calibration.name)
     candidates = ([noted.mesh] if noted else []) + [file]
     return next((path for name in candidates if os.path.isfile(path := calibration.parent / name)), None)
@@ -234,16 +143,6 @@ def lost_plan(calibration: Path) -> str:
     """Return the plan of a calibration if it is missing next to other plans; empty otherwise.
 
     Without other plans, the calibrations alone were copied to a robot.
-
-    Parameters
-    ----------
-    calibration : Path
-        Its file.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If ``sources.json`` is invalid.
     """
     noted = load_sources(calibration.parent).get(calibration.name)
     plan = calibration.parent / noted.plan if noted and noted.plan else None
@@ -257,13 +156,6 @@ def names_file(path: Path, file: Path) -> bool:
 
     A calibration names its mesh, wherever a file of this geometry is, and the sources that ``sources.json`` has of it.
     A robot names its URDF, its calibrations, and what these name. What cannot be read names nothing.
-
-    Parameters
-    ----------
-    path : Path
-        Plan, calibration, ``robot.json``, or the folder of a ``robot.json``.
-    file : Path
-        A file, existing or not.
     """
     if not os.path.isfile(file):
         return False
@@ -292,22 +184,7 @@ def names_file(path: Path, file: Path) -> bool:
 
 
 def is_same_mesh(path: Path, sha256: str, link: str = "") -> bool:
-    """Return whether a mesh file has the geometry of a hash, in any unit; or whether a link of a URDF has it.
-
-    Parameters
-    ----------
-    path : Path
-        Mesh file, or URDF.
-    sha256 : str
-        Hash of the geometry in metres.
-    link : str
-        Name of the link in a URDF.
-
-    Raises
-    ------
-    SkinCalibError
-        If the file cannot be read.
-    """
+    """Return whether a mesh file has the geometry of a hash, in any unit; or whether a link of a URDF has it."""
     if is_urdf(path):
         return load_urdf_mesh(path, link).sha256 == sha256
     raw = read_mesh(path)
@@ -318,17 +195,6 @@ def relative_path(folder: Path, path: Path) -> str:
     """Return a path relative to a folder, with slashes; absolute on another drive.
 
     Symbolic links are resolved, because the parent of a link differs from the parent of its target.
-
-    Parameters
-    ----------
-    folder : Path
-        Start of the relative path.
-    path : Path
-        A file.
-
-    Returns
-    -------
-    str
     """
     try:
         return Path(

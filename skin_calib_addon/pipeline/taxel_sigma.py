@@ -36,25 +36,7 @@ MAX_DRAFT_TAXELS = 600
 
 
 def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | None, may_fold: bool = True) -> Patch:
-    """Return a patch with the standard uncertainty of each taxel, and the registration that it assumes.
-
-    Parameters
-    ----------
-    patch : Patch
-        The placed skin.
-    skin : Skin
-        The skin of the plan.
-    fit : SurfaceFit
-        The surface.
-    sheet : WrappedSheet or None
-        The placement of a sheet.
-    may_fold : bool
-        Whether folds of the surface are searched for. A preview leaves this to the fit.
-
-    Returns
-    -------
-    Patch
-    """
+    """Return a patch with the standard uncertainty of each taxel, and the registration that it assumes."""
     registration = registration_of(skin, patch, sheet)
     taxels, field = patch.taxels, fit.error_field
     if isinstance(skin, ImportedSkin):  # it keeps the positions of a file
@@ -90,26 +72,7 @@ def draft_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet |
 
 
 def registration_of(skin: Skin, patch: Patch, sheet: WrappedSheet | None) -> Registration:
-    """Return how exactly a skin is mounted: as the plan says, or as a skin of its kind usually is.
-
-    Parameters
-    ----------
-    skin : Skin
-        The skin of the plan.
-    patch : Patch
-        Its placement.
-    sheet : WrappedSheet or None
-        The placement of a sheet.
-
-    Returns
-    -------
-    Registration
-
-    Raises
-    ------
-    InvalidPlan
-        If the anchor of the plan is more than 5 mm from the skin; the message has the distance.
-    """
+    """Return how exactly a skin is mounted: as the plan says, or as a skin of its kind usually is."""
     stated = skin.registration or Mounting(direction=_usual_direction(skin))
     if stated.anchor is None:
         return Registration(stated.origin, stated.direction, point_of(anchor_of(skin, patch, sheet)))
@@ -174,15 +137,7 @@ def _unknown(patch: Patch, fit: SurfaceFit, may_fold: bool = True) -> Iterator[t
 
 
 def unknown_sigma(patch: Patch, fit: SurfaceFit) -> Iterator[Warning]:
-    """Yield a warning for each reason for which taxels have no uncertainty, except holes.
-
-    Parameters
-    ----------
-    patch : Patch
-        The placed skin.
-    fit : SurfaceFit
-        The surface.
-    """
+    """Yield a warning for each reason for which taxels have no uncertainty, except holes."""
     reasons = list(_unknown(patch, fit))
     stated = np.isfinite(patch.taxels.known_sigma).all(axis=1)
     others = np.any([stated, ~fit.is_trusted(patch.taxels.uv), *(unknown for _, unknown in reasons)], axis=0)

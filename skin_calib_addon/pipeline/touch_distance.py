@@ -23,18 +23,6 @@ def check_touches(calibration: LinkCalibration, touches: Touches) -> None:
 
     The distance counts from the height of the taxel that felt the touch, as skins can be thick. The distance of a line
     of action is that of its nearest point.
-
-    Parameters
-    ----------
-    calibration : LinkCalibration
-        The calibration that names the taxels.
-    touches : Touches
-        The touches.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If a touch is more than 5 mm away; the message has the line of the file and the distance.
     """
     surfaces = {model.name: surface_of(model) for model in calibration.surfaces}
     for patch in calibration.patches:
@@ -58,17 +46,7 @@ def check_touches(calibration: LinkCalibration, touches: Touches) -> None:
 
 
 def touch_distances(surface: BSplineSurface, points: Array, directions: Array) -> Array:
-    """Return the distance of points or lines from a surface, shape (n,) [m].
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    points : array, shape (n, 3)
-        Points, or a point of each line [m].
-    directions : array, shape (n, 3)
-        Unit directions of lines; zero for points.
-    """
+    """Return the distance of points or lines from a surface, shape (n,) [m]."""
     distance = footpoints(surface, points)[1]
     even = np.linspace(0, 1, GRID_SIDE)
     grid = surface.grid_points(even, even).reshape(-1, 3)

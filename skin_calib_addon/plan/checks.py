@@ -18,13 +18,7 @@ from .skins import BoardSkin, ImportedSkin, SheetSkin, Skin, first_channels
 
 
 def check_together(plan: Plan) -> None:
-    """Refuse a plan whose members contradict each other.
-
-    Raises
-    ------
-    InvalidPlan
-        Names the members.
-    """
+    """Refuse a plan whose members contradict each other."""
     if plan.mesh.suffix.lower() == ".urdf" and plan.unit != "m":
         raise InvalidPlan('The mesh is a URDF, which is in metres. Set "unit" to "m".')
     names = [surface.name for surface in plan.surfaces]
@@ -46,15 +40,7 @@ def check_together(plan: Plan) -> None:
 
 @contextmanager
 def naming_surface(plan: Plan, name: str) -> Iterator[None]:
-    """Add the name of a surface to the errors about it, if the plan has several.
-
-    Parameters
-    ----------
-    plan : Plan
-        The plan.
-    name : str
-        Of the surface.
-    """
+    """Add the name of a surface to the errors about it, if the plan has several."""
     try:
         yield
     except SkinCalibError as error:
@@ -66,13 +52,7 @@ def naming_surface(plan: Plan, name: str) -> Iterator[None]:
 
 @contextmanager
 def about_skin(name: str) -> Iterator[None]:
-    """Keep the name of a skin with the errors about it.
-
-    Parameters
-    ----------
-    name : str
-        Of the skin.
-    """
+    """Keep the name of a skin with the errors about it."""
     try:
         yield
     except SkinCalibError as error:
@@ -82,15 +62,7 @@ def about_skin(name: str) -> Iterator[None]:
 
 @contextmanager
 def naming_skin(plan: Plan, skin: Skin) -> Iterator[None]:
-    """Add the name of a skin to the errors about it, and that of its surface if the plan has several.
-
-    Parameters
-    ----------
-    plan : Plan
-        The plan.
-    skin : Skin
-        One of its skins.
-    """
+    """Add the name of a skin to the errors about it, and that of its surface if the plan has several."""
     try:
         yield
     except SkinCalibError as error:
@@ -183,15 +155,7 @@ def check_landmarks(skin: SheetSkin) -> None:
 
 
 def frames_are_rotations(document: Any, findings: Iterable[Finding]) -> Iterator[Finding]:
-    """Yield an error for each frame of imported taxels that mirrors, scales or shears.
-
-    Parameters
-    ----------
-    document : JSON value
-        A plan, possibly invalid.
-    findings : iterable of Finding
-        Findings of the schema. A skin with findings is not checked.
-    """
+    """Yield an error for each frame of imported taxels that mirrors, scales or shears."""
     wrong = pointers_with_findings(findings)
     skins = document.get("skins") if isinstance(document, dict) else None
     for k, skin in enumerate(skins if isinstance(skins, list) else ()):
@@ -216,19 +180,6 @@ def not_a_rotation(matrix: Array) -> str:
 
 
 def check_direction(vector: Any, message: str) -> None:
-    """Refuse a direction of no length with a message.
-
-    Parameters
-    ----------
-    vector : sequence of float, length 3
-        Link frame, of any length.
-    message : str
-        Of the error.
-
-    Raises
-    ------
-    InvalidPlan
-        If the vector is shorter than ``MIN_DIRECTION_LENGTH``.
-    """
+    """Refuse a direction of no length with a message."""
     if np.linalg.norm(vector) < MIN_DIRECTION_LENGTH:
         raise InvalidPlan(message)

@@ -53,25 +53,7 @@ def skins_from(documents: list[dict[str, Any]]) -> tuple[Skin, ...]:
 
 
 def read(record: Record, document: dict[str, Any]) -> Any:
-    """Return the frozen record in an object of a document that keeps the schema.
-
-    Parameters
-    ----------
-    record : Record
-        Keys of the object, and the type to return.
-    document : dict
-        The object, in the units of the plan file.
-
-    Returns
-    -------
-    frozen record
-        Of the type that ``record`` makes, in the same units.
-
-    Raises
-    ------
-    InvalidPlan
-        If members of the document contradict each other.
-    """
+    """Return the frozen record in an object of a document that keeps the schema."""
     values = {}
     for key in record.keys:
         is_given = key.name in document and not (key.word and document[key.name] == key.word)
@@ -81,20 +63,7 @@ def read(record: Record, document: dict[str, Any]) -> Any:
 
 
 def write(record: Record, value: Any) -> dict[str, Any]:
-    """Return the object of a document that reads back to a frozen record.
-
-    Parameters
-    ----------
-    record : Record
-        Keys of the object.
-    value : frozen record
-        Of the type that ``record`` makes.
-
-    Returns
-    -------
-    dict
-        In the units of the record, with JSON values.
-    """
+    """Return the object of a document that reads back to a frozen record."""
     document = {}
     for key in record.keys:
         if key.type.kind == "constant":
@@ -107,25 +76,7 @@ def write(record: Record, value: Any) -> dict[str, Any]:
 
 
 def read_value(of: Type, value: Any) -> Any:
-    """Return the Python value of a JSON value.
-
-    Parameters
-    ----------
-    of : Type
-        Of the key.
-    value : JSON value
-        In the units of the plan file.
-
-    Returns
-    -------
-    value of the type
-        In the same units, with tuples instead of lists.
-
-    Raises
-    ------
-    InvalidPlan
-        If members of the document contradict each other.
-    """
+    """Return the Python value of a JSON value."""
     if of.kind in READ:
         return READ[of.kind](value)
     if of.record is not None:
@@ -134,20 +85,7 @@ def read_value(of: Type, value: Any) -> Any:
 
 
 def write_value(of: Type, value: Any) -> Any:
-    """Return the JSON value of a Python value.
-
-    Parameters
-    ----------
-    of : Type
-        Of the key.
-    value : value of the type
-        In the units of the plan file.
-
-    Returns
-    -------
-    JSON value
-        In the same units, with lists instead of tuples.
-    """
+    """Return the JSON value of a Python value."""
     if of.kind in WRITE:
         return WRITE[of.kind](value)
     if of.record is not None:
@@ -181,13 +119,7 @@ def write_planes(planes: Planes) -> list[dict[str, Any]]:
 
 
 def read_grid(document: dict[str, Any]) -> Grid | PlanesGrid:
-    """Return the grid in a document that keeps the schema.
-
-    Raises
-    ------
-    InvalidPlan
-        If members of the document contradict each other.
-    """
+    """Return the grid in a document that keeps the schema."""
     kind, both = document["kind"], {"from", "to"} & document.keys()
     region = "across" if "normal" in document else "sector" if both else "tube"
     if "normal" in document and both or len(both) == 1 or kind == "patch" and region == "tube":
@@ -233,13 +165,7 @@ def grid_kind(grid: Grid | PlanesGrid) -> tuple[str, str]:
 
 
 def read_skin(document: dict[str, Any]) -> Skin:
-    """Return the skin in a document that keeps the schema.
-
-    Raises
-    ------
-    InvalidPlan
-        If a sheet has both an origin and landmarks, or neither.
-    """
+    """Return the skin in a document that keeps the schema."""
     if document["kind"] == "sheet" and ("origin" in document) == ("landmarks" in document):
         name = document["name"]
         raise InvalidPlan(f'Give exactly one of "origin" and "landmarks" in skin {name!r}.')

@@ -119,13 +119,7 @@ class Record:
     parts: Mapping[str, Callable[..., Any]] = field(default_factory=dict)  # which make the fields that are records
 
     def made(self, values: Mapping[str, Any]) -> Any:
-        """Return the frozen record.
-
-        Parameters
-        ----------
-        values : mapping
-            By :attr:`Key.path`: ``size.n`` is the field ``n`` of the part ``size``.
-        """
+        """Return the frozen record."""
         own = {path: value for path, value in values.items() if "." not in path}
         for part, make in self.parts.items():
             inner = {path.removeprefix(f"{part}."): v for path, v in values.items() if path.startswith(f"{part}.")}
@@ -138,20 +132,7 @@ class Record:
 
 
 def problem(key: Key, value: Any) -> str:
-    """Return what is wrong with a value as the end of a sentence for people; empty if nothing is.
-
-    Parameters
-    ----------
-    key : Key
-        Of the plan file.
-    value : int, float, str, Path or nested tuple
-        In the units of the plan file.
-
-    Returns
-    -------
-    str
-        Such as "must be at least 1 mm, not 0.5 mm".
-    """
+    """Return what is wrong with a value as the end of a sentence for people; empty if nothing is."""
     schema = dict(key.type.schema["oneOf"][-1] if "oneOf" in key.type.schema else key.type.schema)
     if isinstance(value, str):
         is_fine = len(value) >= schema.get("minLength", 0) and matcher(schema.get("pattern", ""))(value)

@@ -34,21 +34,7 @@ FARTHEST = 1_000_000  # [m] from the origin of the link frame; [m] of a margin
 
 
 def length(words: str = "length", digits: int = 5, **limits: float) -> Type:
-    """Return the type of a length [m] within limits, named as in JSON Schema.
-
-    Parameters
-    ----------
-    words : str, optional
-        What the value is, in the documentation.
-    digits : int, optional
-        Number of digits after the decimal point in the window.
-    **limits : float
-        Such as ``minimum=0`` [m].
-
-    Returns
-    -------
-    Type
-    """
+    """Return the type of a length [m] within limits, named as in JSON Schema."""
     return Type("length", words, {"type": "number", **limits}, "m", digits=digits)
 
 
@@ -58,24 +44,7 @@ def count(**limits: int) -> Type:
 
 
 def pair(kind: str, words: str, item: dict[str, Any], unit: str = "") -> Type:
-    """Return the type of two numbers.
-
-    Parameters
-    ----------
-    kind : str
-        Kind of the type, which selects the conversions.
-    words : str
-        What the value is, in the documentation.
-    item : dict
-        JSON Schema of each number.
-    unit : str, optional
-        Of the numbers in the plan file.
-
-    Returns
-    -------
-    Type
-        Of values with shape (2,).
-    """
+    """Return the type of two numbers."""
     return Type(kind, words, {"type": "array", "items": item, "minItems": 2, "maxItems": 2}, unit, (2,))
 
 
@@ -90,59 +59,18 @@ def constant(value: Any) -> Type:
 
 
 def one(record: Record, kind: str = "record") -> Type:
-    """Return the type of an object.
-
-    Parameters
-    ----------
-    record : Record
-        Keys of the object.
-    kind : "record" or "group", optional
-        "record": its properties are next to those of the other keys; "group": they are in a group of their own.
-
-    Returns
-    -------
-    Type
-    """
+    """Return the type of an object."""
     return Type(kind, f"[{record.title}](#{record.name})", {"$ref": f"#/$defs/{record.name}"}, record=record)
 
 
 def many(record: Record, kind: str = "records", **limits: int) -> Type:
-    """Return the type of a list of objects, whose number has limits named as in JSON Schema.
-
-    Parameters
-    ----------
-    record : Record
-        Keys of each object.
-    kind : "records" or "planes", optional
-        Whether the value is a tuple of frozen records or :class:`Planes`.
-    **limits : int
-        Such as ``minItems=1``.
-
-    Returns
-    -------
-    Type
-    """
+    """Return the type of a list of objects, whose number has limits named as in JSON Schema."""
     schema = {"type": "array", "items": {"$ref": f"#/$defs/{record.name}"}, **limits}
     return Type(kind, f"list of [{record.title}](#{record.name})", schema, record=record)
 
 
 def three(kind: str, words: str, unit: str = "") -> Type:
-    """Return the type of a point or a direction in the link frame.
-
-    Parameters
-    ----------
-    kind : str
-        Kind of the type, which selects the conversions.
-    words : str
-        What the value is, in the documentation.
-    unit : str, optional
-        Of the numbers in the plan file.
-
-    Returns
-    -------
-    Type
-        Of values with shape (3,), in the link frame.
-    """
+    """Return the type of a point or a direction in the link frame."""
     item = {"type": "number", "minimum": -FARTHEST, "maximum": FARTHEST}
     return Type(kind, words, {"type": "array", "items": item, "minItems": 3, "maxItems": 3}, unit, (3,))
 
@@ -1049,19 +977,7 @@ def of_surface(key: Key) -> Key:
 
 
 def with_one_surface(surface: Surface, **others: Any) -> Plan:
-    """Return a plan with one surface.
-
-    Parameters
-    ----------
-    surface : Surface
-        The surface.
-    **others
-        The other fields of the plan.
-
-    Returns
-    -------
-    Plan
-    """
+    """Return a plan with one surface."""
     return Plan(surfaces=(surface,), **others)
 
 

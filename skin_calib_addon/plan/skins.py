@@ -105,24 +105,7 @@ Skin = SheetSkin | BoardSkin | ImportedSkin
 
 
 def first_channels(skins: tuple[Skin, ...], counts: list[int | None]) -> list[int | None]:
-    """Return the first channel of each skin; None after a skin whose number of taxels is not known yet.
-
-    Parameters
-    ----------
-    skins : tuple of Skin, length k
-        In the order of the plan.
-    counts : list of int or None, length k
-        Number of channels of each skin; None where it is not known.
-
-    Returns
-    -------
-    list of int or None, length k
-
-    Raises
-    ------
-    InvalidPlan
-        If two skins have a channel in common, or one ends beyond the highest channel.
-    """
+    """Return the first channel of each skin; None after a skin whose number of taxels is not known yet."""
     firsts: list[int | None] = []
     following: int | None = 0
     taken: list[tuple[Skin, range]] = []
@@ -151,13 +134,7 @@ def with_channels(skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
 
 
 def following_channel(skins: tuple[Skin, ...]) -> int | None:
-    """Return the channel after those of all skins; None if the number of channels of a skin is not known yet.
-
-    Parameters
-    ----------
-    skins : tuple of Skin
-        Of a plan.
-    """
+    """Return the channel after those of all skins; None if the number of channels of a skin is not known yet."""
     ends = [
         None if first is None or skin.count is None else first + skin.count
         for first, skin in zip(first_channels(skins, [skin.count for skin in skins]), skins)

@@ -22,18 +22,6 @@ def boards_on(template: BoardSkin, fit: SurfaceFit) -> tuple[BoardSkin, TaxelArr
     """Return the boards that fill a surface, as a list with origin and direction, and their taxels.
 
     A list takes no search when the plan is carried out, and its number of channels is known.
-
-    Parameters
-    ----------
-    template : BoardSkin
-        The skin.
-    fit : SurfaceFit
-        The surface.
-
-    Raises
-    ------
-    InvalidPlan
-        If no board fits.
     """
     filled = place_skin(replace(template, direction=None), fit, 0).patch.taxels
     root = int(np.flatnonzero((filled.index == 0).all(axis=1))[0])
@@ -45,22 +33,7 @@ def boards_on(template: BoardSkin, fit: SurfaceFit) -> tuple[BoardSkin, TaxelArr
 
 
 def boards_of_list(skin: BoardSkin, fit: SurfaceFit, least: float) -> tuple[BoardSkin, TaxelArray] | None:
-    """Return the boards of a list that fit on another surface; None if they are too few.
-
-    Parameters
-    ----------
-    skin : BoardSkin
-        Has a list of boards, an origin and a direction.
-    fit : SurfaceFit
-        The other surface.
-    least : float
-        Fraction of the boards that must fit.
-
-    Raises
-    ------
-    InvalidPlan
-        If no board at all fits at the origin.
-    """
+    """Return the boards of a list that fit on another surface; None if they are too few."""
     assert not isinstance(skin.choice, str)
     taxels = place_skin(replace(skin, choice="all"), fit, 0).patch.taxels
     found = {(int(q), int(r)) for q, r in taxels.index}
@@ -72,40 +45,14 @@ def boards_of_list(skin: BoardSkin, fit: SurfaceFit, least: float) -> tuple[Boar
 
 
 def with_cells(skin: BoardSkin, taxels: TaxelArray, kept: BoolArray) -> BoardSkin:
-    """Return a skin with a list of boards.
-
-    Parameters
-    ----------
-    skin : BoardSkin
-        Has origin and direction.
-    taxels : TaxelArray
-        Its n boards.
-    kept : array of bool, shape (n,)
-        Which of them are in the list.
-    """
+    """Return a skin with a list of boards."""
     return replace(skin, choice=tuple((int(q), int(r)) for q, r in taxels.index[kept]))
 
 
 def usable(
     mesh: TriangleMesh, on: LinkPoints, skins: Sequence[BoardSkin], taxels: Sequence[TaxelArray]
 ) -> list[BoolArray]:
-    """Return which boards of a link can be used, for each skin: seen, free, and without overlaps.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The link [m].
-    on : LinkPoints
-        Its points; those that are not free are below other links.
-    skins : sequence of BoardSkin, length k
-        Skins of the same kind.
-    taxels : sequence of TaxelArray, length k
-        Their boards.
-
-    Returns
-    -------
-    list of array of bool, length k
-    """
+    """Return which boards of a link can be used, for each skin: seen, free, and without overlaps."""
     # A board may be below the mesh by the largest distance.
     positions, normals, tangents = (
         np.concatenate([getattr(t, name) for t in taxels])

@@ -69,17 +69,7 @@ class Candidate:
 
 
 def candidates(on: LinkPoints, axes: Iterable[tuple[Axis, str]], least: float) -> Iterator[Candidate]:
-    """Yield the regions that are tried on a link.
-
-    Parameters
-    ----------
-    on : LinkPoints
-        The link.
-    axes : iterable of (Axis, str)
-        Axes of its joints, and what they are called.
-    least : float
-        Area behind another part of the link for which there is a region of its own [m^2].
-    """
+    """Yield the regions that are tried on a link."""
     for axis, words in (*axes, *own_axes(on)):
         yield Candidate(Tube(axis), f"tube about {words}")
     for k, normal in enumerate(face_directions(on)):
@@ -94,15 +84,6 @@ def cuts_in_front(on: LinkPoints, normal: Array, least: float) -> Iterator[Cut]:
 
     Parallel rays along the direction hit the outermost part of a link, such as the outer side of a fork, and not the
     inner side of its other tine.
-
-    Parameters
-    ----------
-    on : LinkPoints
-        The link.
-    normal : array, shape (3,)
-        The direction, of unit length.
-    least : float
-        Area behind a cut [m^2].
     """
     facing = on.free & (on.normals @ normal > NEAR_COSINE)
     foot, front = on.points[facing] @ normal, heights_in_front(on, on.points[facing], normal)
@@ -124,22 +105,7 @@ def cuts_in_front(on: LinkPoints, normal: Array, least: float) -> Iterator[Cut]:
 
 
 def heights_in_front(on: LinkPoints, points: Array, normal: Array) -> Array:
-    """Return the height of the next part of the link in front of points, at least ``MIN_GAP`` above each.
-
-    Parameters
-    ----------
-    on : LinkPoints
-        The link. Its points are compared in columns along the direction, ``POINT_DISTANCE`` wide.
-    points : array, shape (n, 3)
-        [m]
-    normal : array, shape (3,)
-        The direction, of unit length.
-
-    Returns
-    -------
-    array, shape (n,)
-        Along the direction [m]; infinite without another part.
-    """
+    """Return the height of the next part of the link in front of points, at least ``MIN_GAP`` above each."""
     every = np.vstack((on.seen_points, points))
     heights = every @ normal
     places = np.floor(every @ np.linalg.svd(normal[None])[2][1:].T / POINT_DISTANCE)  # in two directions across it
@@ -165,15 +131,7 @@ def own_axes(on: LinkPoints) -> Iterator[tuple[Axis, str]]:
 
 
 def axis_between(on: LinkPoints, direction: Array) -> Axis:
-    """Return the axis of a direction that the normals of free points meet most nearly.
-
-    Parameters
-    ----------
-    on : LinkPoints
-        The link.
-    direction : array, shape (3,)
-        Unit vector.
-    """
+    """Return the axis of a direction that the normals of free points meet most nearly."""
     towards = on.normals @ direction
     across = unit(on.normals - towards[:, None] * direction)
     weights = on.areas * on.free * np.maximum(1 - towards**2, np.finfo(float).eps)

@@ -66,18 +66,7 @@ class LinkPoints:
         return near
 
     def largest_bare_piece(self, covered: BoolArray) -> IntArray:
-        """Return the points of the largest connected piece of the free area that is not covered, nor next to it.
-
-        Parameters
-        ----------
-        covered : array of bool, shape (k,)
-            Points with skin.
-
-        Returns
-        -------
-        array of int, shape (n,)
-            Empty if all of the free area is covered.
-        """
+        """Return the points of the largest connected piece of the free area that is not covered, nor next to it."""
         bare = np.flatnonzero(self.free & ~self._next_to(covered))
         if not len(bare):
             return bare
@@ -96,21 +85,7 @@ class LinkPoints:
         return np.asarray(self.tree.query(with_normals(points, normals))[1])
 
     def are_near(self, chosen: BoolArray, points: Array, normals: Array) -> BoolArray:
-        """Return which points are near to a point on their side of the link that is chosen.
-
-        Parameters
-        ----------
-        chosen : array of bool, shape (k,)
-            Which points of the link.
-        points : array, shape (n, 3)
-            Link frame [m].
-        normals : array, shape (n, 3)
-            Unit normals at these.
-
-        Returns
-        -------
-        array of bool, shape (n,)
-        """
+        """Return which points are near to a point on their side of the link that is chosen."""
         index = self.tree.query(with_normals(points, normals), distance_upper_bound=2 * POINT_DISTANCE)[1]
         return np.append(chosen, False)[index]  # the index of none is the number of points
 

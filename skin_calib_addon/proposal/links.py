@@ -81,17 +81,7 @@ def propose_task(
     begin: Callable[[str], None] = lambda stage: None,
     use: Callable[[Proposal], None] = lambda proposal: None,
 ) -> Outcome:
-    """Propose the plan of one link; an unexpected error becomes its outcome.
-
-    Parameters
-    ----------
-    task : Task
-        The link.
-    begin : function, optional
-        Called with the name of each stage.
-    use : function, optional
-        Called with the proposal while it has the fits of its surfaces.
-    """
+    """Propose the plan of one link; an unexpected error becomes its outcome."""
     try:
         proposal = _proposal(task, begin)
         use(proposal)
@@ -192,15 +182,7 @@ def plan_path(folder: Path, link: str) -> Path:
 
 
 def numbered(plan: Plan, channel: int) -> Plan:
-    """Return a plan whose channels start at a number.
-
-    Parameters
-    ----------
-    plan : Plan
-        Of a proposal; its later skins continue the channels of the first.
-    channel : int
-        Of the first taxel.
-    """
+    """Return a plan whose channels start at a number."""
     first, *others = plan.skins
     return replace(plan, skins=(replace(first, first_channel=channel), *others))
 
@@ -259,15 +241,7 @@ def plan_warnings(path: Path) -> list[str]:
 
 
 def own_proposal(task: Task, begin: Callable[[str], None]) -> Proposal:
-    """Return the proposal of a link of a robot that does not follow that of a mirrored one.
-
-    Parameters
-    ----------
-    task : Task
-        The link.
-    begin : function
-        Called with the name of each stage.
-    """
+    """Return the proposal of a link of a robot that does not follow that of a mirrored one."""
     whole = robot_of(task.file)
     key = task.link, task.choice
     if task.mesh is None and key in whole.proposals:

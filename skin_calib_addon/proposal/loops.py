@@ -10,24 +10,7 @@ Loops = tuple[tuple[tuple[float, float, float], ...], ...]
 
 
 def loops_around(mask: BoolArray, points: Array, closed: bool, tolerance: float) -> Loops:
-    """Return closed loops halfway between the sites inside and those outside a mask.
-
-    Parameters
-    ----------
-    mask : array of bool, shape (k, l)
-        Sites inside.
-    points : array, shape (k, l, 3)
-        Of all sites [m].
-    closed : bool
-        Whether the last column is next to the first.
-    tolerance : float
-        Largest distance of a loop from the edge of the sites [m].
-
-    Returns
-    -------
-    tuple of tuple of points
-        [m]
-    """
+    """Return closed loops halfway between the sites inside and those outside a mask."""
     found = []
     for chain in chains(mask, closed):
         corners = np.array([corner(points, at, closed) for at in chain])
@@ -41,17 +24,6 @@ def chains(mask: BoolArray, closed: bool) -> list[list[Corner]]:
     """Return the corners of the squares around the sites of a mask, in order around it.
 
     Corner (i, j) is before row i and column j.
-
-    Parameters
-    ----------
-    mask : array of bool, shape (k, l)
-        Sites inside.
-    closed : bool
-        Whether the last column is next to the first.
-
-    Returns
-    -------
-    list of list of (int, int)
     """
     k, l = mask.shape
     wide = np.zeros((k + 2, l + 2), bool)
@@ -88,21 +60,7 @@ def chains(mask: BoolArray, closed: bool) -> list[list[Corner]]:
 
 
 def corner(points: Array, at: Corner, closed: bool) -> Array:
-    """Return the mean of the points of the four sites around a corner; at the edge of open surfaces, of two or one.
-
-    Parameters
-    ----------
-    points : array, shape (k, l, 3)
-        Of the sites [m].
-    at : (int, int)
-        The corner.
-    closed : bool
-        Whether the last column is next to the first.
-
-    Returns
-    -------
-    array, shape (3,)
-    """
+    """Return the mean of the points of the four sites around a corner; at the edge of open surfaces, of two or one."""
     k, l = points.shape[:2]
     rows = np.clip((at[0] - 1, at[0]), 0, k - 1)
     columns = np.array((at[1] - 1, at[1])) % l if closed else np.clip((at[1] - 1, at[1]), 0, l - 1)
@@ -110,19 +68,7 @@ def corner(points: Array, at: Corner, closed: bool) -> Array:
 
 
 def simplified(loop: Array, tolerance: float) -> Array:
-    """Return the corners of a loop that are needed to stay near it (Douglas and Peucker, 1973).
-
-    Parameters
-    ----------
-    loop : array, shape (k, 3)
-        [m]
-    tolerance : float
-        Largest distance of the loop from a corner that is left out [m].
-
-    Returns
-    -------
-    array, shape (n, 3)
-    """
+    """Return the corners of a loop that are needed to stay near it (Douglas and Peucker, 1973)."""
     middle = loop.mean(axis=0)
     first = int(np.argmax(np.linalg.norm(loop - middle, axis=1)))
     loop = np.roll(loop, -first, axis=0)

@@ -16,22 +16,7 @@ from .candidates import DECIMALS
 
 
 def moved_plan(plan: Plan, link: str, twin: Twin) -> Plan:
-    """Return the plan of a link, moved or reflected to its twin: surfaces, boundaries and skins with all cells.
-
-    Parameters
-    ----------
-    plan : Plan
-        Of the link ``twin.link``. Its grids have sizes, as in proposals.
-    link : str
-        Name of the twin.
-    twin : Twin
-        The motion or reflection.
-
-    Returns
-    -------
-    Plan
-        Its first channel is that of the former plan.
-    """
+    """Return the plan of a link, moved or reflected to its twin: surfaces, boundaries and skins with all cells."""
     surfaces = tuple(_moved_surface(surface, twin) for surface in plan.surfaces)
     return replace(plan, link=link, surfaces=surfaces, skins=tuple(_moved_skin(skin, twin) for skin in plan.skins))
 
@@ -44,15 +29,7 @@ def _moved_surface(surface: Surface, twin: Twin) -> Surface:
 
 
 def moved_region(region: Region, twin: Twin) -> Region:
-    """Return a region on the twin of its link.
-
-    Parameters
-    ----------
-    region : Tube, Sector or Across
-        With an axis, except across a face.
-    twin : Twin
-        The motion or reflection.
-    """
+    """Return a region on the twin of its link."""
     axis = None
     if region.axis is not None:
         axis = Axis(_point(region.axis.point, twin), _direction(region.axis.direction, twin))

@@ -57,13 +57,7 @@ class Proposal:
         return 0 if self.plan is None else sum(skin.count or 0 for skin in self.plan.skins)
 
     def with_warnings(self, warnings: tuple[str, ...]) -> "Proposal":
-        """Return the proposal with warnings, which its plan states first; one without a plan as it is.
-
-        Parameters
-        ----------
-        warnings : tuple of str
-            Sentences.
-        """
+        """Return the proposal with warnings, which its plan states first; one without a plan as it is."""
         if self.plan is None or not warnings:
             return self
         reasons = (*warnings, *self.reasons)
@@ -81,31 +75,7 @@ def propose_link(
     keep_out: KeepOut | None = None,
     begin: Callable[[str], None] = lambda stage: None,
 ) -> Proposal:
-    """Propose surfaces and skins for one link.
-
-    Parameters
-    ----------
-    link : str
-        Name of the link.
-    mesh : TriangleMesh
-        Its mesh, in the link frame [m].
-    file : Path
-        Of the mesh, or the URDF; for the plan.
-    unit : "m" or "mm"
-        Of the numbers in the file.
-    choice : SkinChoice
-        The wanted skin.
-    axes : tuple of (Axis, str)
-        Axes of its joints in the link frame, and what they are called.
-    keep_out : KeepOut, optional
-        What other links cover.
-    begin : function, optional
-        Called with the name of each stage. An exception aborts the proposal.
-
-    Returns
-    -------
-    Proposal
-    """
+    """Propose surfaces and skins for one link."""
     target = _Target.of(link, mesh, file, unit, keep_out, begin)
     if target.free < MIN_FREE_AREA:
         words = f"Less than {MIN_FREE_AREA * 1e4:.0f} cm^2 are open and free of other links: no skin."
@@ -128,25 +98,6 @@ def propose_twin(
 
     The surfaces are fitted to the mesh of the twin. Boards that do not fit there, or that other links cover, are left
     out; where they are many, the boards of the surface are proposed anew.
-
-    Parameters
-    ----------
-    former : Proposal
-        Of the link ``twin.link``.
-    twin : Twin
-        The motion or reflection.
-    link : str
-        Name of the twin.
-    mesh : TriangleMesh
-        Its mesh, in its link frame [m].
-    file : Path
-        The URDF; for the plan.
-    choice : SkinChoice
-        The wanted skin; for the reasons.
-    keep_out : KeepOut
-        What other links cover.
-    begin : function, optional
-        Called with the name of each stage. An exception aborts the proposal.
     """
     if former.plan is None:
         return None
@@ -280,17 +231,7 @@ class _Target:
         return Proposal(self.link, plan, tuple(reasons), self.on.seen, self.free, area, cells, taxels, fits, bare=bare)
 
     def _bare(self, covered: BoolArray, found: Sequence[Proposed], problems: Mapping[str, str]) -> str:
-        """Return where the largest piece of the free area without skin is, and why; empty if it is small.
-
-        Parameters
-        ----------
-        covered : array of bool, shape (k,)
-            Points of the link with skin.
-        found : sequence of Proposed
-            All surfaces.
-        problems : mapping of str to str
-            Why no skin is on a surface, by its name.
-        """
+        """Return where the largest piece of the free area without skin is, and why; empty if it is small."""
         piece = self.on.largest_bare_piece(covered)
         points, areas = self.on.points[piece], self.on.areas[piece]
         if areas.sum() < MIN_FREE_AREA:
@@ -324,15 +265,7 @@ def _without_conflicts(
 
 
 def joint_axes(robot: Robot, link: str) -> Iterator[tuple[Axis, str]]:
-    """Yield the axes of the joints at a link, in its frame, and what they are called.
-
-    Parameters
-    ----------
-    robot : Robot
-        Content of the URDF.
-    link : str
-        Name of the link.
-    """
+    """Yield the axes of the joints at a link, in its frame, and what they are called."""
     for joint in robot.joints.values():
         if link not in (joint.parent, joint.child) or joint.type == "fixed":
             continue

@@ -37,22 +37,7 @@ class SkinChoice:
 
 
 def parse_skin(text: str) -> SkinChoice:
-    """Return the skin that a text describes.
-
-    Parameters
-    ----------
-    text : str
-        ``hexagons``, ``hexagons:16.3mm``, ``sheet:6x22x10mm``, or the name of a JSON file with a skin as in a plan.
-
-    Returns
-    -------
-    SkinChoice
-
-    Raises
-    ------
-    InvalidPlan
-        If it is none of these.
-    """
+    """Return the skin that a text describes."""
     kind, _, size = text.partition(":")
     lengths = re.fullmatch(r"(?:(\d+)x(\d+)x)?(\d+(?:\.\d*)?)mm", size)
     length = round(real(lengths[3]) * 1e-3, 9) if lengths else 0.0  # [m]
@@ -91,28 +76,7 @@ def _choice(document: dict[str, Any], text: str) -> SkinChoice:
 
 
 def skin_on(choice: SkinChoice, fit: SurfaceFit, surface: str) -> tuple[SheetSkin | BoardSkin, TaxelArray]:
-    """Return a skin for a surface, and its taxels.
-
-    Parameters
-    ----------
-    choice : SkinChoice
-        The wanted skin.
-    fit : SurfaceFit
-        The surface.
-    surface : str
-        Its name; the skin has it, too, until the plan is complete.
-
-    Returns
-    -------
-    skin : SheetSkin or BoardSkin
-        Boards are a list.
-    taxels : TaxelArray
-
-    Raises
-    ------
-    SkinCalibError
-        If none fits.
-    """
+    """Return a skin for a surface, and its taxels."""
     template = replace(choice.template, name=surface, surface=surface)
     return boards_on(template, fit) if isinstance(template, BoardSkin) else _sheet_on(template, fit)
 

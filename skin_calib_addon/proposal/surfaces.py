@@ -65,23 +65,7 @@ def propose_surfaces(
     axes: Iterable[tuple[Axis, str]] = (),
     begin: Callable[[str], None] = lambda stage: None,
 ) -> tuple[Proposed, ...]:
-    """Return surfaces that cover most of what is free on a link; ``on.covered`` has what they cover.
-
-    Parameters
-    ----------
-    seen : TriangleMesh
-        The faces of the link that can be seen.
-    on : LinkPoints
-        Its points.
-    axes : iterable of (Axis, str)
-        Axes of its joints, and what they are called.
-    begin : function, optional
-        Called before each search for a surface. An exception aborts the proposal.
-
-    Returns
-    -------
-    tuple of Proposed
-    """
+    """Return surfaces that cover most of what is free on a link; ``on.covered`` has what they cover."""
     pool = [Tried(c, c.bound(on)) for c in candidates(on, axes, MIN_AREA)] if on.wanted.any() else []
     found: list[Proposed] = []
     least = max(MIN_AREA, MIN_FRACTION * float(on.areas[on.wanted].sum()))
@@ -134,21 +118,7 @@ def best_of(pool: list[Tried], seen: TriangleMesh, on: LinkPoints, least: float)
 def boundary_of(
     cover: TriangleMesh, on: LinkPoints, candidate: Candidate, trial: Trial, number: int
 ) -> Proposed | None:
-    """Return a surface with the boundary of a trial, fitted as a plan has it; None if it covers too little.
-
-    Parameters
-    ----------
-    cover : TriangleMesh
-        The part of the candidate of what can be seen.
-    on : LinkPoints
-        Its points; those that the surface covers are marked.
-    candidate : Candidate
-        The region.
-    trial : Trial
-        The region with what it covers.
-    number : int
-        Of the surface, for its name.
-    """
+    """Return a surface with the boundary of a trial, fitted as a plan has it; None if it covers too little."""
     per_span = SITES_PER_SPAN * int(np.ceil(trial.steps.max() / FINE_STEP))
     basis = TensorBasis.of(trial.lines, 3, 3, per_span)
     rows = SampleRows.of(cover, trial.lines, basis)
@@ -166,26 +136,7 @@ def boundary_of(
 
 
 def fitted(cover: TriangleMesh, on: LinkPoints, surface: Surface, reason: str, least: float = 0.0) -> Proposed | None:
-    """Return a surface of a plan with its fit; None if it covers too little.
-
-    Parameters
-    ----------
-    cover : TriangleMesh
-        The cover of the surface.
-    on : LinkPoints
-        Its points; those that the surface covers are marked.
-    surface : Surface
-        The surface.
-    reason : str
-        Why it was chosen.
-    least : float
-        Area that it must add [m^2].
-
-    Raises
-    ------
-    SkinCalibError
-        If it cannot be fitted, or a warning about it is an error.
-    """
+    """Return a surface of a plan with its fit; None if it covers too little."""
     fit = fit_grid(cover, surface.grid, surface.degree, surface.chords, surface.max_deviation)
     along_facets = covered_points(fit, fit.surface, on)
     if on.areas[along_facets & ~on.covered].sum() < least:
@@ -199,17 +150,7 @@ def fitted(cover: TriangleMesh, on: LinkPoints, surface: Surface, reason: str, l
 
 
 def bounded_region(region: Region, trial: Trial, loops: Loops) -> Region:
-    """Return the part of a region inside loops; of a full turn only the sector that they need.
-
-    Parameters
-    ----------
-    region : Tube or Across
-        The whole.
-    trial : Trial
-        Has the points inside.
-    loops : tuple of loops
-        The boundary.
-    """
+    """Return the part of a region inside loops; of a full turn only the sector that they need."""
     if isinstance(region, Across):
         assert isinstance(trial.parametrization, FaceParametrization)
         # Rows along a rounded direction, so that small differences of the mesh do not turn them.
@@ -252,20 +193,7 @@ def covered_points(fit: SurfaceFit, surface: BSplineSurface, on: LinkPoints) -> 
 
 
 def even_parameters(fit: SurfaceFit, surface: BSplineSurface) -> tuple[Array, Array]:
-    """Return parameters of points that are at most ``POINT_DISTANCE`` apart where the fit is trusted.
-
-    Parameters
-    ----------
-    fit : SurfaceFit
-        Knows where it is trusted.
-    surface : BSplineSurface
-        The one of the fit, or that through the corners of the facets [m].
-
-    Returns
-    -------
-    u, v : array, shape (k,) and (l,)
-        Centres of equal parts of the domain.
-    """
+    """Return parameters of points that are at most ``POINT_DISTANCE`` apart where the fit is trusted."""
     u, v = (np.linspace(0, 1, SITES_PER_SPAN * n) for n in fit.offsets.shape)
     trusted = fit.is_trusted(pairs_of(u, v)).reshape(len(u), len(v))
     points = np.where(trusted[..., None], surface.grid_points(u, v), np.nan)

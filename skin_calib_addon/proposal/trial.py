@@ -48,15 +48,7 @@ class Trial:
 
 
 def region_size(parametrization: Parametrization, on: LinkPoints) -> tuple[int, int]:
-    """Return the numbers of planes and lines that are ``KNOT_DISTANCE`` apart, over a region.
-
-    Parameters
-    ----------
-    parametrization : TubeParametrization or FaceParametrization
-        The region.
-    on : LinkPoints
-        The link.
-    """
+    """Return the numbers of planes and lines that are ``KNOT_DISTANCE`` apart, over a region."""
     breadth = float(np.ptp(parametrization.breadth))
     if isinstance(parametrization, TubeParametrization):
         assert isinstance(parametrization.frame, TubeFrame)
@@ -68,15 +60,7 @@ def region_size(parametrization: Parametrization, on: LinkPoints) -> tuple[int, 
 
 
 def whole(region: Region, mesh: TriangleMesh) -> Parametrization:
-    """Return the whole of a region on a mesh, without margin.
-
-    Parameters
-    ----------
-    region : Tube or Across
-        A tube has an axis.
-    mesh : TriangleMesh
-        The link.
-    """
+    """Return the whole of a region on a mesh, without margin."""
     if isinstance(region, Across):
         return replace(region, margin=0.0).parametrization(mesh)
     assert region.axis is not None
@@ -105,19 +89,7 @@ class Start:
 
     @classmethod
     def of(cls, mesh: TriangleMesh, on: LinkPoints, region: Region, is_shared: bool = True) -> "Start | None":
-        """Return the start of the trials of a region; None if it is not on the mesh.
-
-        Parameters
-        ----------
-        mesh : TriangleMesh
-            The faces of the link that can be seen.
-        on : LinkPoints
-            Its points.
-        region : Tube or Across
-            A full turn about an axis, or a face.
-        is_shared : bool
-            Whether others have this mesh, too. Otherwise only the faces that are cut stay in memory.
-        """
+        """Return the start of the trials of a region; None if it is not on the mesh."""
         try:
             parametrization = whole(region, mesh)
             lines = even_lines(parametrization, *region_size(parametrization, on))
@@ -158,17 +130,7 @@ class Start:
 
 
 def is_wanted(on: LinkPoints, samples: RaySamples, faces: Array) -> BoolArray:
-    """Return which rays leave the link where skin is wanted, shape (k, l).
-
-    Parameters
-    ----------
-    on : LinkPoints
-        The link.
-    samples : RaySamples
-        Rays (k, l).
-    faces : array, shape (k, l, 3)
-        Normals of the faces that they hit.
-    """
+    """Return which rays leave the link where skin is wanted, shape (k, l)."""
     hit = ~np.isnan(samples.residuals)
     wanted = np.zeros(hit.shape, bool)
     if hit.any():
@@ -186,25 +148,7 @@ def judged(
     basis: TensorBasis,
     opening: float = OPENING,
 ) -> Trial | None:
-    """Return the largest part of a surface that covers what is wanted; None if there is none.
-
-    Parameters
-    ----------
-    rows : SampleRows
-        Sections of the faces of the link that can be seen, at the sites to judge.
-    on : LinkPoints
-        Its points.
-    parametrization : TubeParametrization or FaceParametrization
-        The region.
-    lines : LineGrid
-        The lines of the control points.
-    offsets : array, shape (n, m)
-        Of the control points along their lines [m].
-    basis : TensorBasis
-        At the sites to judge.
-    opening : float
-        Radius of a disc that the part contains everywhere [m].
-    """
+    """Return the largest part of a surface that covers what is wanted; None if there is none."""
     arms = basis.blend(offsets[..., None] * lines.directions)
     samples = rows.cast(arms)
     faces = rows.mesh.face_normals[samples.faces]
@@ -225,19 +169,7 @@ def judged(
 
 
 def opened(mask: BoolArray, points: Array, closed: bool, radius: float = OPENING) -> BoolArray:
-    """Return a mask of sites without its narrow parts (morphological opening with a disc).
-
-    Parameters
-    ----------
-    mask : array of bool, shape (k, l)
-        Sites.
-    points : array, shape (k, l, 3)
-        Of the mesh at the sites [m]; NaN where there is none.
-    closed : bool
-        Whether the last column is next to the first.
-    radius : float
-        Of the disc [m].
-    """
+    """Return a mask of sites without its narrow parts (morphological opening with a disc)."""
     steps = np.clip(site_steps(points), radius / max(mask.shape), None)
     a, b = (radius / steps).astype(int)
     y, x = np.mgrid[-a : a + 1, -b : b + 1]
@@ -249,33 +181,12 @@ def opened(mask: BoolArray, points: Array, closed: bool, radius: float = OPENING
 
 
 def area_vectors(points: Array, closed: bool) -> Array:
-    """Return vectors along the normals of a surface at the sites, as long as the area that each site stands for.
-
-    Parameters
-    ----------
-    points : array, shape (k, l, 3)
-        Of the surface at the sites [m].
-    closed : bool
-        Whether the last column is next to the first.
-
-    Returns
-    -------
-    array, shape (k, l, 3)
-        [m^2]
-    """
+    """Return vectors along the normals of a surface at the sites, as long as the area that each site stands for."""
     return np.cross(steps_on(points, 0), steps_on(points, 1, closed))
 
 
 def are_along(vectors: Array, faces: Array) -> BoolArray:
-    """Return at which sites a surface is within ``MAX_ANGLE`` of the faces, shape (k, l).
-
-    Parameters
-    ----------
-    vectors : array, shape (k, l, 3)
-        Along the normals of the surface, of any length.
-    faces : array, shape (k, l, 3)
-        Unit normals of the faces that the rays of the sites hit, to either side.
-    """
+    """Return at which sites a surface is within ``MAX_ANGLE`` of the faces, shape (k, l)."""
     along: BoolArray = np.abs((unit(vectors) * faces).sum(axis=2)) > np.cos(MAX_ANGLE)
     return along
 
@@ -285,20 +196,6 @@ def steps_on(points: Array, axis: int, closed: bool = False) -> Array:
 
     If one of them is more than ``MAX_STEP_RATIO`` times as long, its other end is not on the same part of the mesh: the
     shorter one counts alone.
-
-    Parameters
-    ----------
-    points : array, shape (k, l, 3)
-        Of the sites [m].
-    axis : int
-        0 from row to row, 1 from column to column.
-    closed : bool
-        Whether the last site along this axis is next to the first.
-
-    Returns
-    -------
-    array, shape (k, l, 3)
-        [m]; at the edges of an open surface the step to the only neighbour.
     """
     steps = np.diff(points, axis=axis)
     first, last = (np.take(steps, [k], axis=axis) for k in (0, -1))
@@ -320,17 +217,7 @@ def site_steps(points: Array) -> Array:
 
 
 def largest_part(mask: BoolArray, areas: Array, closed: bool) -> BoolArray | None:
-    """Return the connected part of a mask with the largest area; None if the mask is empty.
-
-    Parameters
-    ----------
-    mask : array of bool, shape (k, l)
-        Sites.
-    areas : array, shape (k, l)
-        Of the sites [m^2].
-    closed : bool
-        Whether the last column is next to the first.
-    """
+    """Return the connected part of a mask with the largest area; None if the mask is empty."""
     label, count = ndimage.label(mask)
     if count == 0:
         return None

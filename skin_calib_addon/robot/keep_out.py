@@ -51,26 +51,7 @@ class KeepOut:
         self.fields: dict[TriangleMesh, DistanceField] = {}
 
     def __call__(self, link: str, points: Array, normals: Array) -> BoolArray:
-        """Return which points are covered or touched by another link, or hidden by those fixed to their link.
-
-        Parameters
-        ----------
-        link : str
-            Name of the link.
-        points : array, shape (k, 3)
-            Points on its faces [m], link frame.
-        normals : array, shape (k, 3)
-            Unit normals of the points, outward.
-
-        Returns
-        -------
-        array of bool, shape (k,)
-
-        Raises
-        ------
-        UnknownLink
-            If the robot has no such link.
-        """
+        """Return which points are covered or touched by another link, or hidden by those fixed to their link."""
         is_covered: BoolArray = self.coverers(link, points, normals) != ""
         return is_covered
 
@@ -78,11 +59,6 @@ class KeepOut:
         """Return what covers each point: the first link that does, nearest joints first; empty text where none does.
 
         Parameters and errors are those of a call.
-
-        Returns
-        -------
-        array of str, shape (k,)
-            Names of links, or ``FIXED_PARTS`` where those fixed to the link hide it.
         """
         if link not in self.robot.links:
             raise UnknownLink(f"{self.robot.file} has no link {show(link)}{did_you_mean(link, self.robot.links)}")
@@ -101,18 +77,7 @@ class KeepOut:
         return found
 
     def with_fixed(self, link: str) -> TriangleMesh | None:
-        """Return the mesh and shapes of a link together with those of the links that no joint moves against it.
-
-        Parameters
-        ----------
-        link : str
-            Name of the link.
-
-        Returns
-        -------
-        TriangleMesh or None
-            In the frame of the link [m]; its own mesh if there is nothing else, None without any.
-        """
+        """Return the mesh and shapes of a link together with those of the links that no joint moves against it."""
         found = []
         for _, mesh, path in self._around(link):
             if not any(_turn(joint, 1) for joint, _ in path):
@@ -147,49 +112,12 @@ def keep_out(
     Other links are those with at most two moving joints between. Joints without limits turn fully; prismatic ones
     without limits stay at zero. Links behind a floating or planar joint do not count. A point is also covered if the
     link and those fixed to it hide it from most directions. For several links, :class:`KeepOut` is faster.
-
-    Parameters
-    ----------
-    robot : Robot
-        Content of the URDF.
-    meshes : mapping of str to TriangleMesh
-        Mesh of each link that has one, in its link frame [m].
-    link : str
-        Name of the link.
-    points : array, shape (k, 3)
-        Points on its faces [m], link frame.
-    normals : array, shape (k, 3)
-        Unit normals of the points, outward.
-    clearance : float
-        Height above the faces that other links leave free [m]: thickness of the skin and play.
-
-    Returns
-    -------
-    array of bool, shape (k,)
-
-    Raises
-    ------
-    UnknownLink
-        If the robot has no such link.
     """
     return KeepOut(robot, meshes, clearance)(link, points, normals)
 
 
 def paths_from(robot: Robot, link: str) -> Iterator[tuple[str, tuple[Leg, ...]]]:
-    """Return the links around a link and the joints between, at most two of which move.
-
-    Parameters
-    ----------
-    robot : Robot
-        Content of the URDF.
-    link : str
-        Name of the link.
-
-    Yields
-    ------
-    tuple of str and tuple
-        Name of another link, and its path.
-    """
+    """Return the links around a link and the joints between, at most two of which move."""
     open_: list[tuple[str, tuple[Leg, ...]]] = [(link, ())]
     for current, path in open_:  # grows
         if path:

@@ -15,23 +15,6 @@ def link_poses(robot: Robot, positions: Mapping[str, float] | None = None) -> di
     """Return the poses of all links in the frame of the root.
 
     A joint that mimics another follows it. A floating or planar joint stays at zero.
-
-    Parameters
-    ----------
-    robot : Robot
-        Content of the URDF.
-    positions : mapping of str to float, optional
-        Positions by the name of the joint [rad], or [m] for a prismatic joint. Others are zero.
-
-    Returns
-    -------
-    dict of str to array, shape (4, 4)
-        ``T_root_link`` of each link: it takes points of the link frame to the root frame.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If several links have no parent, or a position is not of a joint that moves freely about or along one axis.
     """
     positions = positions or {}
     for name in positions:
@@ -54,19 +37,7 @@ def link_poses(robot: Robot, positions: Mapping[str, float] | None = None) -> di
 
 
 def joint_pose(joint: Joint, position: float = 0.0) -> Array:
-    """Return the pose of the child of a joint in the frame of its parent.
-
-    Parameters
-    ----------
-    joint : Joint
-        The joint.
-    position : float
-        Its position [rad], or [m] for a prismatic joint.
-
-    Returns
-    -------
-    array, shape (4, 4)
-    """
+    """Return the pose of the child of a joint in the frame of its parent."""
     pose = np.eye(4)
     pose[:3, :3] = rotations(np.array([joint.angles]))[0]
     pose[:3, 3] = joint.position

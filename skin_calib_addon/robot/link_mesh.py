@@ -40,21 +40,6 @@ def load_plan_mesh(plan: Plan) -> TriangleMesh:
 
     The vertices of a link of a URDF are rounded to single precision, because Blender keeps no more. The calibration is
     therefore the same through every interface.
-
-    Parameters
-    ----------
-    plan : Plan
-        The path of its mesh is absolute, or from the current folder.
-
-    Returns
-    -------
-    TriangleMesh
-        In the link frame [m].
-
-    Raises
-    ------
-    UnknownLink, InvalidMesh, CalibrationFormatError
-        If it cannot be loaded, or if its size shows a wrong unit or scale.
     """
     if not is_urdf(plan.mesh):
         return load_mesh(plan.mesh, plan.unit)
@@ -62,45 +47,12 @@ def load_plan_mesh(plan: Plan) -> TriangleMesh:
 
 
 def load_urdf_mesh(urdf: Path, link: str) -> TriangleMesh:
-    """Load all visual meshes of a link, rounded to single precision, and check their size.
-
-    Parameters
-    ----------
-    urdf : Path
-        File of the robot.
-    link : str
-        Name of the link.
-
-    Returns
-    -------
-    TriangleMesh
-        In the link frame [m].
-
-    Raises
-    ------
-    UnknownLink, InvalidMesh, CalibrationFormatError
-        As :func:`load_link` and :func:`~skin_calib_addon.robot.urdf.read_robot`, or if its size shows a wrong scale.
-    """
+    """Load all visual meshes of a link, rounded to single precision, and check their size."""
     return _single_precision(urdf, read_robot(urdf), link)
 
 
 def load_urdf_meshes(urdf: Path, robot: Robot) -> tuple[dict[str, TriangleMesh], dict[str, str]]:
-    """Load the meshes of all links as :func:`load_urdf_mesh` does; a broken link does not stop the others.
-
-    Parameters
-    ----------
-    urdf : Path
-        File of the robot.
-    robot : Robot
-        Its content.
-
-    Returns
-    -------
-    meshes : dict of str to TriangleMesh
-        By the name of the link, in the link frame [m].
-    problems : dict of str to str
-        What is wrong with the other links that have a visual mesh, and what to do.
-    """
+    """Load the meshes of all links as :func:`load_urdf_mesh` does; a broken link does not stop the others."""
     meshes: dict[str, TriangleMesh] = {}
     problems: dict[str, str] = {}
     for link in links_with_mesh(robot):
@@ -112,13 +64,7 @@ def load_urdf_meshes(urdf: Path, robot: Robot) -> tuple[dict[str, TriangleMesh],
 
 
 def shapes_of(robot: Robot) -> dict[str, TriangleMesh]:
-    """Return the visual boxes, cylinders, spheres and capsules of links as meshes, in the frames of these links [m].
-
-    Parameters
-    ----------
-    robot : Robot
-        Content of the URDF.
-    """
+    """Return the visual boxes, cylinders, spheres and capsules of links as meshes, in the frames of these links [m]."""
     return {link: TriangleMesh(*stacked([_shape(s) for s in shapes])) for link, shapes in robot.shapes.items()}
 
 
@@ -144,13 +90,7 @@ def links_with_mesh(robot: Robot) -> list[str]:
 
 
 def plan_mesh_files(plan: Plan) -> tuple[Path, ...]:
-    """Return the files that :func:`load_plan_mesh` reads.
-
-    Raises
-    ------
-    UnknownLink, InvalidMesh, CalibrationFormatError
-        As :func:`load_plan_mesh`, if the file is a URDF that cannot be read, or whose mesh files are missing.
-    """
+    """Return the files that :func:`load_plan_mesh` reads."""
     if not is_urdf(plan.mesh):
         return (plan.mesh,)
     meshes = meshes_of(read_robot(plan.mesh), plan.link, "visual")
@@ -158,24 +98,7 @@ def plan_mesh_files(plan: Plan) -> tuple[Path, ...]:
 
 
 def axis_warning(file: Path, robot: Robot | None = None, links: Iterable[str] = (), use: str = "visual") -> str:
-    """Return a warning if DAE files state another upward axis than z, which only some programs turn.
-
-    Parameters
-    ----------
-    file : Path
-        File of the robot, or a mesh.
-    robot : Robot, optional
-        Content of the file of the robot.
-    links : iterable of str
-        Names of links of the robot.
-    use : "visual" or "collision"
-        Which meshes.
-
-    Returns
-    -------
-    str
-        Empty without such files.
-    """
+    """Return a warning if DAE files state another upward axis than z, which only some programs turn."""
     ending = "It is ignored, as in RViz. If the picture is turned by 90 degrees, turn the meshes."
     if robot is None:
         return f"{file.name} states an <up_axis> that is not Z_UP. {ending}" if has_other_axis(file) else ""
@@ -196,28 +119,7 @@ def is_urdf(path: Path) -> bool:
 
 
 def meshes_of(robot: Robot, link: str, use: str) -> tuple[LinkMesh, ...]:
-    """Return the meshes of a link.
-
-    Parameters
-    ----------
-    robot : Robot
-        Content of the URDF.
-    link : str
-        Name of the link.
-    use : "visual" or "collision"
-        Which meshes to return.
-
-    Returns
-    -------
-    tuple of LinkMesh
-
-    Raises
-    ------
-    UnknownLink
-        If the robot has no such link.
-    InvalidMesh
-        If the link has no mesh for this use, or a name that plans cannot have.
-    """
+    """Return the meshes of a link."""
     if link not in robot.links:
         raise UnknownLink(f"{robot.file} has no link {show(link)}{did_you_mean(link, robot.links)}")
     if not NAME(link):
@@ -231,31 +133,7 @@ def meshes_of(robot: Robot, link: str, use: str) -> tuple[LinkMesh, ...]:
 
 
 def load_link(urdf: Path, robot: Robot, link: str, use: str = "visual") -> TriangleMesh:
-    """Load all meshes of a link for one use as one mesh.
-
-    Parameters
-    ----------
-    urdf : Path
-        File of the robot; mesh files are found relative to it.
-    robot : Robot
-        Its content.
-    link : str
-        Name of the link.
-    use : "visual" or "collision"
-        Which meshes to load.
-
-    Returns
-    -------
-    TriangleMesh
-        In the link frame [m].
-
-    Raises
-    ------
-    UnknownLink, InvalidMesh
-        As :func:`meshes_of`; or if a file is missing, unreadable, or not a surface.
-    CalibrationFormatError
-        If a scale or an origin does not have three numbers, or one that is too large.
-    """
+    """Load all meshes of a link for one use as one mesh."""
     return weld(*_triangles(urdf, robot, link, use))
 
 
@@ -276,28 +154,7 @@ def _placed(mesh: LinkMesh, raw: TriangleMesh) -> tuple[Array, IntArray]:
 
 
 def scaled(mesh: TriangleMesh, scale: Sequence[float], address: str) -> TriangleMesh:
-    """Return a mesh with the scale of a URDF; its normals still point outwards if the scale mirrors it.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        As in its file.
-    scale : sequence of float
-        Factors along x, y and z.
-    address : str
-        Name of the mesh, for messages.
-
-    Returns
-    -------
-    TriangleMesh
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the scale does not have three numbers, or one that is too large.
-    InvalidMesh
-        If a factor is zero.
-    """
+    """Return a mesh with the scale of a URDF; its normals still point outwards if the scale mirrors it."""
     check_triple(scale, address, "scale")
     factors = np.array(scale)
     if not factors.all():
@@ -306,17 +163,7 @@ def scaled(mesh: TriangleMesh, scale: Sequence[float], address: str) -> Triangle
 
 
 def check_triple(values: Sequence[float], address: str, name: str) -> None:
-    """Refuse an origin or a scale that does not have three numbers, or one that is too large.
-
-    Parameters
-    ----------
-    values : sequence of float
-        The numbers.
-    address : str
-        Name of the mesh, for the message.
-    name : str
-        Of the numbers, for the message.
-    """
+    """Refuse an origin or a scale that does not have three numbers, or one that is too large."""
     if len(values) != 3:
         raise CalibrationFormatError(f"{address} has {len(values)} numbers in its {name}. Write three numbers.")
     if max(map(abs, values)) > MAX_NUMBER:
@@ -329,22 +176,6 @@ def find_file(address: str, urdf: Path) -> Path:
     The package is searched in this order: folders of this name in the folder of the URDF or above; the search paths of
     ROS; the folder of the URDF and those above, under any name. The last candidate is the folder of the URDF itself. If
     the path of the URDF has symbolic links, the search then repeats from the folder that they lead to.
-
-    Parameters
-    ----------
-    address : str
-        Path or URL, as ``package://name/path``.
-    urdf : Path
-        File of the robot.
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    InvalidMesh
-        If there is no such file.
     """
     for file in dict.fromkeys((urdf.absolute(), Path(os.path.realpath(urdf)))):
         for path in _candidates(address, file):

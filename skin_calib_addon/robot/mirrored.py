@@ -55,18 +55,6 @@ def find_twins(robot: Robot, meshes: Mapping[str, TriangleMesh]) -> dict[str, Tw
     A link is like another one if their meshes agree after the reflection about the plane of symmetry of the robot in
     its zero pose: then their neighbours do so, too, as long as the joint ranges do. Without such a partner it is like
     an equal link, of which the mesh agrees in the link frame; its neighbours may differ.
-
-    Parameters
-    ----------
-    robot : Robot
-        Content of the URDF.
-    meshes : mapping of str to TriangleMesh
-        Mesh of each link that has one, in its link frame [m].
-
-    Returns
-    -------
-    dict of str to Twin
-        By the name of the link; links without an earlier one that is like them are missing.
     """
     poses = link_poses(robot)
     links = [link for link in robot.links if link in meshes]
@@ -92,16 +80,6 @@ def symmetry(positions: Array) -> Array:
 
     Of the three, through the root or the median of the links, this is the one that takes most links off the plane to
     another link.
-
-    Parameters
-    ----------
-    positions : array, shape (k, 3)
-        Positions of the links in the frame of the root, zero pose [m].
-
-    Returns
-    -------
-    array, shape (4, 4)
-        Across y, through the root, if no link has a partner.
     """
     best, most = np.diag((1.0, -1.0, 1.0, 1.0)), 0
     for axis in (1, 0, 2):

@@ -62,28 +62,6 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
     Names of a skin begin with the name of the link and a slash: ``data.sensor("arm/wrist.0.0")``. The root of the robot
     is fixed to the world. Collision shapes of a link that hide a taxel are switched off: its cells collide instead.
     Bodies that overlap in the zero pose do not collide with each other.
-
-    Parameters
-    ----------
-    robot : Robot
-        Content of the URDF.
-    urdf : Path
-        Its file; mesh files are found relative to it.
-    calibrations : mapping of str to LinkCalibration
-        Skins, by link.
-    mesh_folder : str
-        Name of the folder of the meshes, relative to the model.
-
-    Returns
-    -------
-    RobotModel
-
-    Raises
-    ------
-    SkinCalibError
-        If MuJoCo is not installed, or does not accept the robot, for example a floating joint between two links.
-    CalibrationFormatError
-        If two sensors of a link would have the same name.
     """
     try:
         import mujoco
@@ -119,11 +97,6 @@ def _with_possible_inertias(root: ET.Element) -> tuple[str, ...]:
 
     A principal inertia is at most the sum of the others, and that of a flat part is this sum. Where it is above it by
     the rounding of a file, it becomes smaller, because MuJoCo would replace all three by their mean.
-
-    Parameters
-    ----------
-    root : Element
-        Of the URDF; its inertias [kg m^2] change.
     """
     found = []
     for link in root.findall("link"):
@@ -150,22 +123,6 @@ def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[tuple[str, ...],
     MuJoCo collides with the convex hull of a mesh. That of a concave link is above its skin. Those of adjacent links
     overlap. Shapes of other links stay, even if they are fixed to the link and cover a taxel: they may be all that
     touches the world.
-
-    Parameters
-    ----------
-    spec : MjSpec
-        Robot with its skins; changed.
-    skins : list of str
-        Names of the bodies of the skins.
-    mujoco : module
-        The library.
-
-    Returns
-    -------
-    uncovered : tuple of str
-        Names of the bodies with a shape that is switched off.
-    covered : tuple of str
-        How many taxels of a skin are below a shape of another link in the zero pose, in words.
     """
     trial = spec.copy()
     probe = trial.worldbody.add_body().add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[MIN_PROTRUSION, 0, 0])
@@ -207,22 +164,7 @@ def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[tuple[str, ...],
 
 
 def _free_in_the_world(root: ET.Element, robot: Robot, skins: Container[str]) -> None:
-    """Call the empty first link above a floating joint the world, which alone carries such joints in MuJoCo.
-
-    Parameters
-    ----------
-    root : Element
-        Of the URDF; its links and joints change.
-    robot : Robot
-        Content of the URDF.
-    skins : container of str
-        Links with a skin, which are not empty.
-
-    Raises
-    ------
-    SkinCalibError
-        If another link carries a floating joint.
-    """
+    """Call the empty first link above a floating joint the world, which alone carries such joints in MuJoCo."""
     floating = {joint.parent: joint for joint in robot.joints.values() if joint.type == "floating"}
     for link, joint in floating.items():
         shapes = [shape for element in root.findall("link") if element.get("name") == link for shape in element]
@@ -248,17 +190,6 @@ def _with_own_meshes(
     What is wrong are the meshes that are left out, and the links with impossible inertias.
 
     Scales are applied to the meshes, so that MuJoCo need not distinguish two scales of one file.
-
-    Parameters
-    ----------
-    robot : Robot
-        Content of the URDF.
-    urdf : Path
-        Its file.
-    skins : container of str
-        Links with a skin.
-    mujoco : module
-        The library.
     """
     root = ET.fromstring(read_text(urdf))
     for element in root.iter():
@@ -297,19 +228,7 @@ def _with_own_meshes(
 
 
 def _check_mesh(name: str, data: bytes, collides: bool, mujoco: Any) -> None:
-    """Refuse a mesh that MuJoCo does not accept, so that it does not refuse the whole robot.
-
-    Parameters
-    ----------
-    name : str
-        Of its file.
-    data : bytes
-        Content of the file.
-    collides : bool
-        Whether it is a shape for collisions, of which MuJoCo makes a convex hull.
-    mujoco : module
-        The library.
-    """
+    """Refuse a mesh that MuJoCo does not accept, so that it does not refuse the whole robot."""
     alone = mujoco.MjSpec()
     alone.assets = {name: data}
     alone.add_mesh(name="mesh", file=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)

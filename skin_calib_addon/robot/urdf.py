@@ -87,13 +87,7 @@ class Robot:
 
     @property
     def root(self) -> str:
-        """Return the link that no joint carries.
-
-        Raises
-        ------
-        CalibrationFormatError
-            If there are several.
-        """
+        """Return the link that no joint carries."""
         roots = [link for link in self.links if link not in self.parents]
         if len(roots) > 1:
             raise CalibrationFormatError(
@@ -103,14 +97,7 @@ class Robot:
 
 
 def read_robot(path: Path) -> Robot:
-    """Read a URDF.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the file cannot be read, or is not a URDF: a name is used twice, a joint names an unknown link or has no
-        axis or reversed limits, a link has two parents, or links form a cycle.
-    """
+    """Read a URDF."""
     return _parsed(read_text(path), path)
 
 
@@ -150,24 +137,7 @@ def _parsed(text: str, path: Path) -> Robot:
 
 
 def compare(robot: Robot, plan: Plan) -> tuple[Warning, ...]:
-    """Compare the mesh of a plan with the robot, and return warnings for differences.
-
-    Parameters
-    ----------
-    robot : Robot
-        Content of the URDF.
-    plan : Plan
-        Plan of one of its links.
-
-    Returns
-    -------
-    tuple of Warning
-
-    Raises
-    ------
-    UnknownLink
-        If the robot has no such link.
-    """
+    """Compare the mesh of a plan with the robot, and return warnings for differences."""
     if plan.link not in robot.links:
         near = did_you_mean(plan.link, robot.links)
         raise UnknownLink(f"{robot.file} has no link {show(plan.link)}, which is the link of the plan{near}")

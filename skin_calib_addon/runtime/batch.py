@@ -53,15 +53,7 @@ class Processor:
     terms: Terms  # of the sums at partial contact
 
     def batch(self, rows: Array, times: Array | None) -> Batch:
-        """Return the results of readings of the taxels.
-
-        Parameters
-        ----------
-        rows : array, shape (T, n)
-            Readings of the taxels, of any real data type.
-        times : array, shape (T,), optional
-            Of the rows [s]. Default: no row depends on another one.
-        """
+        """Return the results of readings of the taxels."""
         count, n = rows.shape
         rows = self.readings.without_creep(rows, times)
         drifts, number = self._drifts(rows, times)
@@ -103,15 +95,7 @@ class Processor:
         return result
 
     def _drifts(self, rows: Array, times: Array | None) -> tuple[Array | None, IntArray]:
-        """Return the drifts (k, n) of the readings, None for none, and the number (T,) of the one of each row.
-
-        Parameters
-        ----------
-        rows : array, shape (T, n)
-            Readings of the taxels, of any real data type.
-        times : array, shape (T,), optional
-            Of the rows [s]. Default: the drift does not change.
-        """
+        """Return the drifts (k, n) of the readings, None for none, and the number (T,) of the one of each row."""
         readings, number = self.readings, np.zeros(len(rows), np.int64)
         noise, drift = readings.noise, readings.drift
         if noise is None or times is None:
@@ -164,15 +148,7 @@ class Processor:
         return switched, keeps, pushes, has_load
 
     def _sums(self, pushes: Array, active: BoolArray) -> Array:
-        """Return the wrench and the sums of :attr:`.GroundGeometry.terms`, (T, 12).
-
-        Parameters
-        ----------
-        pushes : array, shape (T, n)
-            Weighted forces [N].
-        active : array of bool, shape (T, n)
-            Which taxels are in a contact.
-        """
+        """Return the wrench and the sums of :attr:`.GroundGeometry.terms`, (T, 12)."""
         ground, sums = self.ground, pushes @ self.terms.sums.T
         if ground is not None:
             full = (active | ~ground.can_stand).all(axis=1) & (ground.standing_count > 0)
@@ -188,15 +164,7 @@ def _blocks(count: int, n: int) -> Iterator[slice]:
 
 
 def _fresh(times: Array, valid: BoolArray) -> BoolArray:
-    """Return for which rows (T,) the row before says nothing, because time went back or jumped.
-
-    Parameters
-    ----------
-    times : array, shape (T,)
-        Of the rows [s].
-    valid : array of bool, shape (T,)
-        Which rows are known; the others change nothing.
-    """
+    """Return for which rows (T,) the row before says nothing, because time went back or jumped."""
     fresh = np.zeros(len(times), bool)
     gaps = np.diff(times[valid])
     if ((gaps >= 0) & (gaps <= JUMP_TIME)).all():
@@ -213,13 +181,6 @@ def _states(switched: BoolArray, keeps: BoolArray, before: BoolArray) -> BoolArr
     """Return which taxels (T, n) are active after each row: switched on, or active before and kept.
 
     The last row that switched a taxel on or off decides. An odd number stands for on, and later rows have larger ones.
-
-    Parameters
-    ----------
-    switched, keeps : array of bool, shape (T, n)
-        Which taxels a row switches on; which it does not switch off.
-    before : array of bool, shape (n,)
-        State before the first row.
     """
     smallest_type = np.min_scalar_type(2 * len(switched) + 1)
     number = np.arange(2, 2 * len(switched) + 2, 2, dtype=smallest_type)[:, None]
@@ -233,17 +194,7 @@ def _states(switched: BoolArray, keeps: BoolArray, before: BoolArray) -> BoolArr
 
 
 def _pushes(noise: Noise, signed: Array, forces: Array, excess: Array) -> Array:
-    """Return the parts (T, n) of the taxels in the sums [N], as :meth:`.Noise.pushes` does for one row.
-
-    Parameters
-    ----------
-    noise : Noise
-        Of the skin.
-    signed, forces : array, shape (T, n)
-        Signed readings, and the forces that follow from them [N].
-    excess : array, shape (T,)
-        Sums of the forces near rest, without their mean [N].
-    """
+    """Return the parts (T, n) of the taxels in the sums [N], as :meth:`.Noise.pushes` does for one row."""
     weights = noise.steps(signed)
     clear = noise.clear(weights, signed)
     few = excess > (1 + HIDDEN_LOAD[0]) * clear

@@ -115,13 +115,6 @@ class BodyFrame:
         """Return the standard deviations (2,) of the mean of points of the feet, weighted by their loads.
 
         Each foot adds that of its point, and the distance of its point times that of its load.
-
-        Parameters
-        ----------
-        point : array, shape (2,)
-            The mean, or None.
-        name : str
-            ``"zmp"`` or ``"cop"``.
         """
         if point is None:
             return None
@@ -231,7 +224,7 @@ class Body:
         return np.any([np.zeros(6, bool), *(skin.observable for skin in self.skins.values())], axis=0)
 
     def update(self, readings: Mapping[str, Any] | None, time: float, poses: Mapping[str, Any] | None) -> BodyFrame:
-        """Compute the frame of all links in one cycle. A wrong reading raises no error.
+        """Return the frame of all links in one cycle. A wrong reading raises no error.
 
         Parameters
         ----------

@@ -32,11 +32,6 @@ class ByteOrder:
     Signals are smooth: a change by 1 is a change by 256 in the wrong order. Readings that are all multiples of 256 may
     be those of eight bits in the upper byte. They count only if a reading was another number before, or if the range of
     the responses is too small for them.
-
-    Parameters
-    ----------
-    response_range : float
-        Largest range of a response [readings]; infinite if one has none.
     """
 
     def __init__(self, response_range: float):
@@ -51,15 +46,7 @@ class ByteOrder:
             self._has_low_bytes = bool((np.nan_to_num(rows) % 256 != 0).any())
 
     def is_wrong(self, intensities: Array, time: float) -> bool:
-        """Return whether the bytes of the last readings are in the wrong order.
-
-        Parameters
-        ----------
-        intensities : array, shape (n,)
-            Readings.
-        time : float
-            Of the frame [s].
-        """
+        """Return whether the bytes of the last readings are in the wrong order."""
         if not 0 <= time - self._time < LOOK_PERIOD:
             self._look(intensities)
             self._time = time

@@ -13,15 +13,6 @@ def components(rows: IntArray, neighbours: IntArray, scratch: IntArray) -> IntAr
     The components have the numbers 0, 1, 2..., in the order of their first taxels. Each taxel takes the lowest label of
     its neighbours, and pointer jumping carries it through whole trees of labels (Shiloach & Vishkin 1982). A thousand
     taxels need about ten rounds, for any shape.
-
-    Parameters
-    ----------
-    rows : array, shape (a,)
-        Rows of the active taxels, in ascending order.
-    neighbours : array, shape (k, n)
-        Rows of the neighbours of each of the n taxels; n means no neighbour.
-    scratch : array, shape (n + 1,)
-        Working memory; -1 everywhere before and after the call. With it the cost depends on the active taxels only.
     """
     own = np.arange(len(rows) + 1)
     none = len(rows)
@@ -48,13 +39,6 @@ def component_counts(active: BoolArray, neighbours: IntArray) -> IntArray:
     Taxels are removed one by one. The neighbours of a removed one become neighbours of each other, so that no component
     falls apart. A taxel without neighbours is the last one of its component. All sets are processed at once: one whole
     number has a bit for each set. Removing the taxel with the fewest neighbours first keeps their number low.
-
-    Parameters
-    ----------
-    active : array of bool, shape (T, n)
-        Which taxels are active in each set.
-    neighbours : array, shape (k, n)
-        See :func:`components`.
     """
     count, n = active.shape
     packed = np.packbits(active.T, axis=1)

@@ -142,19 +142,7 @@ def _span(index: IntArray, period: int) -> tuple[int, int]:
 
 
 def contacts_of(footprint: Footprint, forces: Array, numbers: list[int], terms: Terms) -> tuple[Contact, ...]:
-    """Return the contacts of a frame, in the order of their first taxels.
-
-    Parameters
-    ----------
-    footprint : Footprint
-        The active taxels.
-    forces : array, shape (n,)
-        Force of every taxel of the skin [N], positive for the active ones.
-    numbers : list of int
-        Number of each contact.
-    terms : Terms
-        Of the sums.
-    """
+    """Return the contacts of a frame, in the order of their first taxels."""
     if not numbers:
         return ()
     rows, bounds = footprint.ordered

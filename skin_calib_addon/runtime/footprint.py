@@ -70,17 +70,7 @@ class Footprint:
 def supporting_polygon(
     ground: GroundGeometry, possible: BoolArray, active: BoolArray, sure: BoolArray, probabilities: tuple
 ) -> SupportingPolygon:
-    """Return the supporting polygons on the ground (thesis eq. 4.24).
-
-    Parameters
-    ----------
-    ground : GroundGeometry
-        Of the skin.
-    possible, active, sure : array of bool, shape (n,)
-        Which taxels can stand and are possibly touched, active, and surely touched. Sure ones are active.
-    probabilities : tuple
-        Of the outer and of the guaranteed polygon.
-    """
+    """Return the supporting polygons on the ground (thesis eq. 4.24)."""
     core = ground.sure_hull.hull(sure)
     nominal = core if sure is active else ground.centre_hull.hull(active, ground.sure_hull)
     last_core, guaranteed = ground.last_eroded

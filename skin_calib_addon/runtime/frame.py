@@ -265,15 +265,6 @@ class Frame:
 
         with the covariance :math:`C` of the sums, the variance :math:`p` by the place in the cells, and the moment
         :math:`g` of the pressure gradient in the cells, where it is left out.
-
-        Parameters
-        ----------
-        point : array, shape (2,)
-            The point [m].
-        load : float
-            f [N].
-        of_load, of_moments, mixed : float, tuple of two float, tuple of two float
-            :math:`C_{ff}` [N^2], :math:`C_{mm}` [(N m)^2] and :math:`C_{mf}` [N^2 m].
         """
         assert self._variances is not None
         placed, sigmas = self._variances[1], []

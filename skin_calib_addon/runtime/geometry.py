@@ -26,34 +26,7 @@ MIN_CELL_SPREAD = 1e-3
 
 
 class SkinGeometry:
-    """Taxels of all patches of one link; row i of every array is the same taxel. Link frame and SI units.
-
-    Attributes
-    ----------
-    ids : tuple of str
-        Of the taxels.
-    channels, patch : array, shape (n,)
-        Index in a reading; number of the patch.
-    index : array, shape (n, 2)
-        Row and column in the patch. ``periods`` has for each patch the number of rows and columns after which they
-        start again, or 0.
-    positions, normals : array, shape (n, 3)
-        [m]; unit, out of the robot.
-    corners : array, shape (n, k, 3)
-        Of the cells [m].
-    areas : array, shape (n,)
-        Of the cells [m^2].
-    pairs : array, shape (e, 2)
-        Rows of neighbours; ``neighbours`` (k, n) has them as a table, see :func:`neighbour_table`. ``neighbour_counts``
-        (n,) has their numbers, at least 1.
-    wrenches : array, shape (n, 6)
-        Wrench of 1 N on each taxel about the origin of the link [N, N m] (thesis eq. 3.16):
-        ``[-n_i; p_i x (-n_i)]``.
-    terms : array, shape (11, n)
-        What contacts sum, weighted by the forces: 1, position, height n_i . p_i of the tangent plane, wrench.
-    scratch : array, shape (n + 1,)
-        Working memory of :func:`.components.components`.
-    """
+    """Taxels of all patches of one link; row i of every array is the same taxel. Link frame and SI units."""
 
     def __init__(self, calibration: "LinkCalibration"):
         taxels = [patch.taxels for patch in calibration.patches]
@@ -81,15 +54,7 @@ class SkinGeometry:
         self.scratch = np.full(len(self.ids) + 1, -1)
 
     def mean_around(self, values: Array, rows: IntArray) -> Array:
-        """Return the mean (k,) of the values of the neighbours of some taxels; 0 without neighbours.
-
-        Parameters
-        ----------
-        values : array, shape (n,)
-            Of all taxels.
-        rows : array, shape (k,)
-            Those taxels.
-        """
+        """Return the mean (k,) of the values of the neighbours of some taxels; 0 without neighbours."""
         padded = np.zeros(len(values) + 1)
         padded[:-1] = values
         return np.add.reduce(padded[self.neighbours.take(rows, axis=1)], axis=0) / self.neighbour_counts.take(rows)
@@ -110,20 +75,7 @@ def _padded(groups: list[Array]) -> Array:
 
 
 def neighbour_table(pairs: IntArray, n: int) -> IntArray:
-    """Return the neighbours of each taxel as a table.
-
-    Parameters
-    ----------
-    pairs : array, shape (e, 2)
-        Rows of neighbours, each pair once.
-    n : int
-        Number of taxels.
-
-    Returns
-    -------
-    array, shape (k, n)
-        Column i has the neighbours of taxel i; n means no neighbour.
-    """
+    """Return the neighbours of each taxel as a table."""
     ends = np.concatenate((pairs, pairs[:, ::-1]))
     ends = ends[np.argsort(ends[:, 0], kind="stable")]
     counts = np.bincount(ends[:, 0], minlength=n)
@@ -154,31 +106,7 @@ def wrench_rank(wrenches: Array) -> int:
 
 
 class GroundGeometry:
-    """The taxels that can stand on the ground, in the coordinates of the ground.
-
-    Attributes
-    ----------
-    plane : Plane
-        In the link frame.
-    can_stand : array of bool, shape (n,)
-        Which normals point down enough; ``standing_count`` is their number.
-    centres, corners : array, shape (n, 2) and (n, k, 2)
-        Of all cells [m]; ``centre_hull``, ``sure_hull`` (of centres, too) and ``corner_hull`` compute hulls of some.
-    cell : array, shape (j, 2)
-        One outline about the centre that contains every cell that can stand [m].
-    terms : array, shape (n, 6)
-        To be weighted by forces: lift, lift x, lift y of the taxels that can stand; f_z, tau_x, tau_y of all, about
-        the origin of the ground.
-    full_contact_correction : tuple or None
-        Correction of a CoP at full contact, see :func:`_full_contact_correction`.
-    plain, full_contact, in_cell : Terms
-        The terms without the moments within the cells, and with them: at full contact, and at any, see
-        :func:`_arms_in_cells`.
-    gradient : array, shape (2, n)
-        What ``in_cell`` adds to lift x and lift y.
-    last_eroded : tuple
-        A hull of centres, and the guaranteed polygon that follows from it, of the last frame.
-    """
+    """The taxels that can stand on the ground, in the coordinates of the ground."""
 
     def __init__(self, skin: SkinGeometry, plane: Plane):
         self.plane = plane
@@ -214,17 +142,7 @@ class GroundGeometry:
         lock(*vars(self).values(), *(self.full_contact_correction or ()))
 
     def _moved(self, skin: SkinGeometry, pushes: Array, lift: Array, shift: Array) -> "Terms":
-        """Return the terms if each force acts away from the centre of its cell.
-
-        Parameters
-        ----------
-        skin : SkinGeometry
-            Of the taxels.
-        pushes, lift : array, shape (n, 3) and (n, 1)
-            Direction of the force of each taxel along the axes of the ground; its fraction that lifts the robot.
-        shift : array, shape (n, 2)
-            In the ground [m].
-        """
+        """Return the terms if each force acts away from the centre of its cell."""
         moments = np.cross(np.column_stack((shift, np.zeros(len(shift)))), pushes)
         ground, link = self.terms.copy(), skin.terms.copy()
         ground[:, 1:3] += lift * shift
@@ -287,13 +205,7 @@ def _full_contact_correction(centres: Array, corners: Array, areas: Array) -> tu
 
 
 def _second_moments(corners: Array) -> Array:
-    """Return the second moments (n, 2, 2) of cells about their centres, per area [m^2].
-
-    Parameters
-    ----------
-    corners : array, shape (n, k, 2)
-        About the centre [m].
-    """
+    """Return the second moments (n, 2, 2) of cells about their centres, per area [m^2]."""
     a = corners
     b = np.roll(a, -1, axis=1)
     twice = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
@@ -317,15 +229,6 @@ def _arms_in_cells(centres: Array, seconds: Array, areas: Array, neighbours: Int
     with the area :math:`A_i`, the second moments :math:`R_i` per area, :math:`\mathbf{d}_{ij}` from centre i to
     centre j, and :math:`p_j = f_j / A_j`. The sum is linear in the forces, so that each taxel has a fixed shift
     :math:`\mathbf{k}_j`. It is zero except near the border of the skin.
-
-    Parameters
-    ----------
-    centres, seconds, areas : array, shape (n, 2), (n, 2, 2), (n,)
-        Of the cells [m], [m^2], [m^2].
-    neighbours : array, shape (k, n)
-        See :func:`neighbour_table`.
-    standing : array of bool, shape (n,)
-        Which taxels can stand; the others have no pressure on the ground.
     """
     n = len(centres)
     shift = np.zeros((n + 1, 2))

@@ -32,19 +32,7 @@ class ModalityValues:
 
 
 class Converter:
-    """Convert the readings of one modality.
-
-    Parameters
-    ----------
-    modality : Modality
-        Of the calibration.
-    link : str
-        Its name, for messages.
-    ids : tuple of str
-        Of the taxels.
-    channels : array, shape (n,)
-        Of their forces.
-    """
+    """Convert the readings of one modality."""
 
     def __init__(self, modality: "Modality", link: str, ids: tuple[str, ...], channels: IntArray):
         self.unit, self._response = modality.unit, modality.response
@@ -59,22 +47,7 @@ class Converter:
         self._largest = float(modality.response.values(np.array(self._ends)).max())
 
     def values(self, given: Any, alive: BoolArray, dimensions: int) -> ModalityValues:
-        """Return the values of all taxels.
-
-        Parameters
-        ----------
-        given : array, shape (channels,) or (T, channels)
-            Readings of the modality.
-        alive : array of bool, shape (n,)
-            Which taxels are not masked.
-        dimensions : int
-            1 for one reading, 2 for rows of readings.
-
-        Raises
-        ------
-        InvalidReading
-            If these are not rows of numbers, or are too short for the highest channel.
-        """
+        """Return the values of all taxels."""
         what = f"reading of {self._name}"
         readings = taxel_readings(given, (dimensions,), self._channels, self._length, what, self._link)[0].astype(float)
         if self._rows is not None:
@@ -94,19 +67,7 @@ class Converter:
 
 
 class Modalities:
-    """The modalities of one skin.
-
-    Parameters
-    ----------
-    modalities : iterable of Modality
-        Of the calibration.
-    link : str
-        Its name, for messages.
-    ids : tuple of str
-        Of the taxels.
-    channels : array, shape (n,)
-        Of their forces.
-    """
+    """The modalities of one skin."""
 
     def __init__(self, modalities: "Iterable[Modality]", link: str, ids: tuple[str, ...], channels: IntArray):
         self._link = link
@@ -127,18 +88,6 @@ class Modalities:
         """Return the values of all modalities in one reading, and the flags of the frame.
 
         A wrong array leaves its modality unknown, with the flag ``modality``.
-
-        Parameters
-        ----------
-        readings : mapping of str to array, shape (channels,)
-            By modality. A force does not count.
-        alive : array of bool, shape (n,)
-            Which taxels are not masked.
-
-        Raises
-        ------
-        InvalidReading
-            If a modality is unknown.
         """
         values, flags = dict(self.nothing), frozenset[str]()
         for name, converter in self._used(readings):
@@ -149,22 +98,7 @@ class Modalities:
         return values, flags
 
     def batch(self, readings: Mapping[Any, Any], alive: BoolArray, count: int) -> dict[str, ModalityValues]:
-        """Return the values of the modalities in rows of readings.
-
-        Parameters
-        ----------
-        readings : mapping of str to array, shape (T, channels)
-            By modality. A force does not count.
-        alive : array of bool, shape (n,)
-            Which taxels are not masked.
-        count : int
-            Number T of the readings of force.
-
-        Raises
-        ------
-        InvalidReading
-            If a modality is unknown, has no rows of numbers, or not as many rows as the force.
-        """
+        """Return the values of the modalities in rows of readings."""
         values = {name: converter.values(readings[name], alive, 2) for name, converter in self._used(readings)}
         for name, value in values.items():
             if len(value.values) != count:
@@ -173,13 +107,7 @@ class Modalities:
         return values
 
     def _used(self, readings: Mapping[Any, Any]) -> list[tuple[str, Converter]]:
-        """Return the modalities in a mapping.
-
-        Raises
-        ------
-        InvalidReading
-            Names an unknown modality, and those of the skin.
-        """
+        """Return the modalities in a mapping."""
         for name in readings:
             if name != FORCE and name not in self._converters:
                 known = ", ".join((FORCE, *self._converters))
@@ -189,13 +117,7 @@ class Modalities:
 
 
 def force_of(readings: Mapping[Any, Any]) -> Any:
-    """Return the readings of force in a mapping.
-
-    Raises
-    ------
-    InvalidReading
-        If there are none.
-    """
+    """Return the readings of force in a mapping."""
     if FORCE not in readings:
         listed = ", ".join(map(str, readings)) or "nothing"
         raise InvalidReading(f"the mapping has no reading of {FORCE}; it has {listed}", flag="wrong_type")
@@ -203,13 +125,7 @@ def force_of(readings: Mapping[Any, Any]) -> Any:
 
 
 def without_force(modalities: Any) -> Mapping[Any, Any]:
-    """Return a mapping of other modalities than force.
-
-    Raises
-    ------
-    InvalidReading
-        If it is no mapping, or has a force, which comes as events.
-    """
+    """Return a mapping of other modalities than force."""
     if not isinstance(modalities, Mapping) or FORCE in modalities:
         what = f"a mapping with {FORCE}" if isinstance(modalities, Mapping) else type(modalities).__name__
         must = "modalities must be a mapping of the other readings, because the forces are events"
@@ -218,22 +134,7 @@ def without_force(modalities: Any) -> Mapping[Any, Any]:
 
 
 def values_in(given: Any, count: int, *units: str) -> Array:
-    """Return the numbers of an array, or of a modality; NaN where they are unknown.
-
-    Parameters
-    ----------
-    given : array, shape (n,), or ModalityValues
-        If it is an array, its unit is that of the caller.
-    count : int
-        Number n of the taxels.
-    *units : str
-        Valid units of a modality.
-
-    Raises
-    ------
-    ValueError
-        If there is not one number for each taxel, or the modality has another unit.
-    """
+    """Return the numbers of an array, or of a modality; NaN where they are unknown."""
     if isinstance(given, ModalityValues) and given.unit not in units:
         raise ValueError(f"this needs a modality in {' or '.join(units)}, not in {given.unit}")
     values = given.values if isinstance(given, ModalityValues) else unmasked(given)
@@ -243,19 +144,6 @@ def values_in(given: Any, count: int, *units: str) -> Array:
 
 
 def distances_in(given: Any, count: int) -> Array:
-    """Return distances [m]; infinity where a modality is at the far end of its response: nothing is in range.
-
-    Parameters
-    ----------
-    given : array, shape (n,), or ModalityValues
-        Distances [m].
-    count : int
-        Number n of the taxels.
-
-    Raises
-    ------
-    ValueError
-        If there is not one distance for each taxel, or the modality has another unit.
-    """
+    """Return distances [m]; infinity where a modality is at the far end of its response: nothing is in range."""
     distances = values_in(given, count, "m")
     return np.where(distances >= given.largest, np.inf, distances) if isinstance(given, ModalityValues) else distances

@@ -460,15 +460,7 @@ def joint_quantile(probability: float, correlation: float, count: int) -> float:
 
 
 def _step(rows: Array, is_whole: bool) -> float | None:
-    """Return the step of a converter: 1, or the smallest difference of two readings; None if they never differ.
-
-    Parameters
-    ----------
-    rows : array, shape (frames, n)
-        Finite readings.
-    is_whole : bool
-        Whether the converter sends whole numbers.
-    """
+    """Return the step of a converter: 1, or the smallest difference of two readings; None if they never differ."""
     if is_whole:
         return 1.0
     values = np.unique(rows)
@@ -481,13 +473,6 @@ def _normal(rows: Array, step: float) -> tuple[Array, Array, Array, BoolArray]:
 
     Taxels that are not clipped have the mean and the standard deviation of their readings. The last result is whether
     a taxel sends one number, although others change too much for that.
-
-    Parameters
-    ----------
-    rows : array, shape (frames, n)
-        Finite signed readings.
-    step : float
-        Of the converter.
     """
     frames, n = rows.shape
     low = rows.min(axis=0)
@@ -533,15 +518,6 @@ def _censored(counts: Array, mean: Array, sigma: Array, iterations: int) -> tupl
 
     Level k is the interval from k - 1/2 to k + 1/2; the lowest one has no lower end. The likelihood increases with each
     iteration (expectation and maximization, Dempster et al. 1977).
-
-    Parameters
-    ----------
-    counts : array, shape (levels, n)
-        Histograms.
-    mean, sigma : array, shape (n,)
-        Where the iterations start.
-    iterations : int
-        Their number.
     """
     edges = np.arange(1, len(counts))[:, None] - 0.5
     fractions = counts / counts.sum(axis=0)

@@ -79,27 +79,13 @@ class Plane:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Return the cross product of two vectors; ``np.cross`` takes ten times as long for one pair.
-
-    Parameters
-    ----------
-    a, b : array, shape (3,)
-        Vectors.
-    """
+    """Return the cross product of two vectors; ``np.cross`` takes ten times as long for one pair."""
     (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
     return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
 
 
 def ground_of(positions: Array, normals: Array, areas: Array) -> Plane | None:
-    """Return the plane on which a flat skin stands, in the frame of its link; None if the skin is not flat.
-
-    Parameters
-    ----------
-    positions, normals : array, shape (n, 3)
-        Of the taxels [m]; unit, out of the robot.
-    areas : array, shape (n,)
-        Of the cells [m^2].
-    """
+    """Return the plane on which a flat skin stands, in the frame of its link; None if the skin is not flat."""
     down = unit(areas @ normals)
     is_lower = normals @ down >= MIN_DOWNWARD
     if not is_lower.any():

@@ -64,26 +64,7 @@ MAX_EVENTS = 0.1
 def taxel_readings(
     given: Any, dimensions: tuple[int, ...], channels: IntArray, length: int, name: str, link: str
 ) -> tuple[Array, bool]:
-    """Return the readings of the taxels, NaN where they are masked, and whether they are whole numbers.
-
-    Parameters
-    ----------
-    given : array, shape (channels,) or (T, channels)
-        As the caller passed it.
-    dimensions : tuple of int
-        Valid numbers of dimensions.
-    channels : array, shape (n,)
-        Position of each taxel in a reading.
-    length : int
-        Minimum length of a reading.
-    name, link : str
-        What the numbers are, and whose, for messages.
-
-    Raises
-    ------
-    InvalidReading
-        If these are no numbers of this shape. ``flag`` names the problem.
-    """
+    """Return the readings of the taxels, NaN where they are masked, and whether they are whole numbers."""
     must = f"a {name} must be {'rows' if dimensions == (2,) else 'one row'} of real numbers; this one"
     try:
         readings = np.asarray(given)
@@ -109,22 +90,7 @@ def taxel_readings(
 
 
 def row_of(given: Any, kinds: str, must: str) -> Any:
-    """Return one row of numbers as an array; masked numbers stay in it.
-
-    Parameters
-    ----------
-    given : array, shape (k,)
-        As the caller passed it. An empty one may have any data type.
-    kinds : str
-        Valid kinds of data types, as in NumPy.
-    must : str
-        What it must be, the start of the message.
-
-    Raises
-    ------
-    InvalidReading
-        If it is something else.
-    """
+    """Return one row of numbers as an array; masked numbers stay in it."""
     try:
         numbers = np.asarray(given)
     except ValueError as error:
@@ -189,29 +155,12 @@ class Readings:
         self._limits = np.where(valid, self._most, -1.0)
 
     def intensities(self, readings: Any) -> Array:
-        """Return the reading of each taxel, shape (n,), in double precision: sums of 8-bit numbers overflow.
-
-        Raises
-        ------
-        InvalidReading
-            If this is not one row of numbers, or is too short for the highest channel. ``flag`` names the problem.
-        """
+        """Return the reading of each taxel, shape (n,), in double precision: sums of 8-bit numbers overflow."""
         rows, self.is_whole = self._rows(readings, (1,))
         return rows.astype(float)
 
     def after(self, indices: Any, values: Any) -> tuple[Array, IntArray]:
-        """Return the reading of each taxel (n,) after some events, and their rows. No event of wrong ones counts.
-
-        Parameters
-        ----------
-        indices, values : array, shape (k,)
-            As for :meth:`.Skin.update_events`.
-
-        Raises
-        ------
-        InvalidReading
-            If these are not two rows of whole and of real numbers of the same length. ``flag`` names the problem.
-        """
+        """Return the reading of each taxel (n,) after some events, and their rows. No event of wrong ones counts."""
         channels = row_of(indices, "iu", "indices of events must be one row of whole numbers")
         numbers = row_of(values, "iuf", "values of events must be one row of real numbers")
         if len(channels) != len(numbers):
@@ -228,13 +177,7 @@ class Readings:
         return raw, rows
 
     def rows(self, readings: Any) -> Array:
-        """Return the readings of the taxels in many readings, shape (T, n), in their data type.
-
-        Raises
-        ------
-        InvalidReading
-            If these are not rows of numbers, or are too short for the highest channel.
-        """
+        """Return the readings of the taxels in many readings, shape (T, n), in their data type."""
         if np.ndim(readings) != 2:
             what = f"a batch must be rows of real numbers; this one has the shape {np.shape(readings)}"
             raise InvalidReading(what, flag="wrong_type")
@@ -267,13 +210,6 @@ class Readings:
         """Return corrected readings, forces [N], and which of them are valid, (n,) each, of the next frame.
 
         Forces of a few changed readings are converted alone, unless the baseline has moved.
-
-        Parameters
-        ----------
-        raw : array, shape (n,)
-            Reading of each taxel.
-        changed : array, shape (k,)
-            Rows in which it may differ from that of the last call; None for all.
         """
         intensities = self.corrected(raw)
         shift, offset, before = self._converted
@@ -289,13 +225,7 @@ class Readings:
         return intensities, forces, known
 
     def deviations(self, intensities: Array) -> Array:
-        """Return the standard deviations of valid forces (n,) [N]: the noise, times the slope of the response here.
-
-        Parameters
-        ----------
-        intensities : array, shape (n,)
-            Reading of each taxel.
-        """
+        """Return the standard deviations of valid forces (n,) [N]: the noise, times the slope of the response here."""
         assert self.noise is not None
         shifted = intensities if self._shift is None else intensities + self._shift
         low, high = self._responses.forces(shifted + self.noise.sides)
@@ -309,15 +239,7 @@ class Readings:
         self.learn(np.atleast_2d(rows.astype(float)), is_whole)
 
     def learn(self, rows: Array, is_whole: bool) -> None:
-        """Set the baseline and learn the noise from readings of the taxels.
-
-        Parameters
-        ----------
-        rows : array, shape (frames, n)
-            Without contact.
-        is_whole : bool
-            Whether the electronics sends whole numbers.
-        """
+        """Set the baseline and learn the noise from readings of the taxels."""
         self.byte_order.learn(rows)
         finite = np.abs(rows) < MAX_READING
         counts = finite.sum(axis=0)
@@ -338,17 +260,7 @@ class Readings:
         self._limit()
 
     def follow(self, raw: Array, is_complete: bool, time: float) -> None:
-        """Follow the creep of the taxels, and the drift of the free ones.
-
-        Parameters
-        ----------
-        raw : array, shape (n,)
-            Reading of each taxel, not corrected.
-        is_complete : bool
-            Whether all taxels have a valid force.
-        time : float
-            Of the frame [s].
-        """
+        """Follow the creep of the taxels, and the drift of the free ones."""
         if self.noise is not None:
             signed = self.noise.signed(raw)
             if self._creep is not None:
@@ -366,15 +278,7 @@ class Readings:
         return self.drift.corrected(raw)
 
     def without_creep(self, rows: Array, times: Array | None) -> Array:
-        """Return many readings (T, n) without creep.
-
-        Parameters
-        ----------
-        rows : array, shape (T, n)
-            Readings of the taxels, of any real data type.
-        times : array, shape (T,), optional
-            Of the rows [s]. Default: the creep does not change.
-        """
+        """Return many readings (T, n) without creep."""
         noise, creep = self.noise, copy(self._creep)
         if noise is None or creep is None:
             return rows
@@ -436,13 +340,6 @@ class Readings:
         """Return ``not_finite`` and ``too_large`` if taxels that are not masked have such readings.
 
         For frames in which some taxels have no valid force.
-
-        Parameters
-        ----------
-        intensities : array, shape (n,)
-            Reading of each taxel.
-        known : array of bool, shape (n,)
-            Which taxels have a valid force.
         """
         invalid = ~known & self.alive
         if self.noise is not None:
@@ -457,17 +354,7 @@ class Readings:
         return intensities == self._last
 
     def stuck(self, unchanged: BoolArray, time: float, period: float) -> BoolArray:
-        """Return which readings (n,) have not changed for longer than the noise, or the limit, allows.
-
-        Parameters
-        ----------
-        unchanged : array of bool, shape (n,)
-            Which readings equal those of the last frame.
-        time : float
-            Of the frame [s].
-        period : float
-            Between two frames [s].
-        """
+        """Return which readings (n,) have not changed for longer than the noise, or the limit, allows."""
         if not math.isfinite(time):
             return self._none
         period = max(period, MAX_READING_PERIOD)
@@ -481,30 +368,14 @@ class Readings:
         return unchanged & (self._since < time - limit)
 
     def is_frozen(self, time: float, period: float) -> bool:
-        """Return whether the whole frame, which is that of the last one, stays the same for longer than noise allows.
-
-        Parameters
-        ----------
-        time, period
-            As for :meth:`stuck`.
-        """
+        """Return whether the frame stays the same for longer than noise allows."""
         if self.noise is None or not len(self._since):
             return False
         limit = max(FROZEN_TIME, self.noise.frame_repeats * max(period, MAX_READING_PERIOD))
         return bool(self._since.max() < time - limit)
 
     def below_rest(self, intensities: Array, signed: Array | None, known: BoolArray, time: float) -> bool:
-        """Return whether a known taxel reads less than its noise without contact can give, now or a second before.
-
-        Parameters
-        ----------
-        intensities, signed : array, shape (n,)
-            Reading of each taxel; the signed one, None if the noise is unknown.
-        known : array of bool, shape (n,)
-            Which taxels have a valid force.
-        time : float
-            Of the frame [s].
-        """
+        """Return whether a known taxel reads less than its noise without contact can give, now or a second before."""
         if self.noise is not None and signed is not None:
             is_below = signed < self.noise.lowest
         else:
@@ -519,17 +390,7 @@ class Readings:
         return is_now or 0 <= time - self._below_rest < FAULT_TIME
 
     def accept(self, intensities: Array, unchanged: BoolArray, time: float) -> None:
-        """Store the readings and when each of them last changed. After a step back in time, count from this time.
-
-        Parameters
-        ----------
-        intensities : array, shape (n,)
-            Reading of each taxel.
-        unchanged : array of bool, shape (n,)
-            Which readings equal those of the last frame.
-        time : float
-            Of the frame [s]; if it is not finite, nothing is stored.
-        """
+        """Store the readings and when each of them last changed. After a step back in time, count from this time."""
         if not math.isfinite(time):
             return
         if time < self._time:

@@ -260,7 +260,7 @@ class Skin:
         self._readings.mask(masked)
 
     def update(self, readings: Any, time: float) -> Frame:
-        """Compute the frame of one reading. A wrong reading raises no error.
+        """Return the frame of one reading. A wrong reading raises no error.
 
         Parameters
         ----------
@@ -287,7 +287,7 @@ class Skin:
     def update_events(
         self, indices: Any, values: Any, time: float, modalities: Mapping[str, Any] | None = None
     ) -> Frame:
-        """Compute the frame after some readings changed; all others are those of the last frame.
+        """Return the frame after some readings changed; all others are those of the last frame.
 
         The frame is that of :meth:`update` with the complete reading, to the bit, and wrong events raise no error.
         Before the first complete reading, taxels without an event are unknown. A taxel that sends nothing has an
@@ -323,21 +323,7 @@ class Skin:
         flags: frozenset[str],
         modalities: Mapping[str, ModalityValues],
     ) -> Frame:
-        """Return the frame of a reading, and change the state of the skin.
-
-        Parameters
-        ----------
-        raw : array, shape (n,)
-            Reading of each taxel.
-        changed : array, shape (k,)
-            Rows of the taxels whose reading may differ from that of the last call; None for all.
-        time : float
-            Of the reading [s].
-        flags : frozenset of str
-            Those of time and modalities.
-        modalities : mapping of str to ModalityValues
-            All modalities.
-        """
+        """Return the frame of a reading, and change the state of the skin."""
         intensities, forces, known = self._readings.next(raw, changed)
         known_count = np.count_nonzero(known)
         is_complete = bool(known_count == len(known))
@@ -409,7 +395,7 @@ class Skin:
         )  # fmt: skip
 
     def batch(self, readings: Any, times: Any = None) -> Batch:
-        """Compute the results of many readings at once, without a change of the skin.
+        """Return the results of many readings at once, without a change of the skin.
 
         They equal those of :meth:`update` in a loop that starts without contacts, with the baseline, noise and masked
         taxels of now. With times the baseline follows a drift as in the loop, otherwise it stays. A batch learns no
@@ -466,19 +452,7 @@ class Skin:
     def _unknown(
         self, time: float, flags: frozenset[str], problem: str, modalities: Mapping[str, ModalityValues]
     ) -> Frame:
-        """Return the frame of a reading of force that cannot be used; the state of the skin does not change.
-
-        Parameters
-        ----------
-        time : float
-            Of the frame [s].
-        flags : frozenset of str
-            Of the frame.
-        problem : str
-            Why the reading cannot be used.
-        modalities : mapping of str to ModalityValues
-            All modalities.
-        """
+        """Return the frame of a reading of force that cannot be used; the state of the skin does not change."""
         n = len(self.ids)
         nothing = np.zeros(n, bool)
         return Frame(

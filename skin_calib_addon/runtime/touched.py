@@ -30,15 +30,7 @@ class Streak:
         self._above = [np.zeros(n, bool)] * 3
 
     def add(self, above: BoolArray, is_new: bool) -> BoolArray:
-        """Return which taxels (n,) exceed the level in three new frames in a row, with this one.
-
-        Parameters
-        ----------
-        above : array of bool, shape (n,)
-            Which taxels exceed it in this frame.
-        is_new : bool
-            Whether a reading changed. A repeated frame is no new evidence.
-        """
+        """Return which taxels (n,) exceed the level in three new frames in a row, with this one."""
         if is_new:
             self._above = [above, *self._above[:2]]
         first, second, third = self._above
@@ -48,23 +40,7 @@ class Streak:
 def by_thresholds(
     forces: Array, known: BoolArray, is_complete: bool, before: BoolArray, on: float, off: float, is_sure: bool
 ) -> tuple[Touched, BoolArray]:
-    """Return what is touched by two thresholds, and the state of the next frame.
-
-    Parameters
-    ----------
-    forces : array, shape (n,)
-        Of the taxels [N]; 0 where unknown.
-    known : array of bool, shape (n,)
-        Which taxels have a valid force. The others keep their state.
-    is_complete : bool
-        Whether all have one.
-    before : array of bool, shape (n,)
-        State of the last frame.
-    on, off : float
-        Forces from which on a taxel becomes active, and down to which it stays active [N].
-    is_sure : bool
-        Whether the caller guarantees that a force above the thresholds is a contact.
-    """
+    """Return what is touched by two thresholds, and the state of the next frame."""
     state = (forces >= on) | (before & (forces >= off))
     if is_complete:
         active = possible = state
@@ -87,27 +63,7 @@ def by_noise(
     streak: Streak,
     is_new: bool,
 ) -> tuple[Touched, BoolArray]:
-    """Return what is touched according to the noise at rest, and the state of the next frame.
-
-    Parameters
-    ----------
-    noise : Noise
-        Of the skin.
-    signed, forces : array, shape (n,)
-        Signed readings, and the forces that follow from them [N].
-    known : array of bool, shape (n,)
-        Which taxels have a valid force. The others are possibly touched, and keep their state.
-    is_complete : bool
-        Whether all have one.
-    before : array of bool, shape (n,)
-        State of the last frame.
-    neighbours : array, shape (k, n)
-        See :func:`.neighbour_table`.
-    streak : Streak
-        Of the level ``lasting``. It only makes more taxels of a link that stands sure, and has no effect on contacts.
-    is_new : bool
-        Whether a reading changed since the last frame.
-    """
+    """Return what is touched according to the noise at rest, and the state of the next frame."""
     if not is_complete:
         signed = np.where(known, signed, noise.free)  # as without contact, for the sums
     above = signed > noise.levels
@@ -139,15 +95,7 @@ def by_noise(
 
 
 def has_neighbour(which: BoolArray, neighbours: IntArray) -> BoolArray:
-    """Return whether a neighbour of each taxel is one of some, in many frames, (T, n).
-
-    Parameters
-    ----------
-    which : array of bool, shape (T, n)
-        Those taxels in each frame.
-    neighbours : array, shape (k, n)
-        See :func:`.neighbour_table`.
-    """
+    """Return whether a neighbour of each taxel is one of some, in many frames, (T, n)."""
     columns = np.zeros((which.shape[1] + 1, len(which)), bool)  # whole rows of memory for each taxel
     columns[:-1] = which.T
     found = np.zeros((which.shape[1], len(which)), bool)

@@ -17,17 +17,7 @@ MIN_NORMAL_COSINE = 0.5
 
 
 def overlap_warnings(patches: Sequence[Patch]) -> Iterator[Warning]:
-    """Yield a warning for each pair of skins at the same height whose cells overlap.
-
-    Parameters
-    ----------
-    patches : sequence of Patch
-        The skins of a link. Imported taxels are as their file has them, and are not compared.
-
-    Yields
-    ------
-    Warning
-    """
+    """Yield a warning for each pair of skins at the same height whose cells overlap."""
     placed = [patch for patch in patches if patch.kind != "imported"]
     for k, one in enumerate(placed):
         for other in placed[k + 1 :]:
@@ -49,18 +39,7 @@ def overlap_warnings(patches: Sequence[Patch]) -> Iterator[Warning]:
 
 
 def overlaps(one: Patch, other: Patch) -> list[tuple[str, str, float]]:
-    """Return the pairs of cells of two skins that overlap, with the depth [m].
-
-    Parameters
-    ----------
-    one, other : Patch
-        The skins.
-
-    Returns
-    -------
-    list of (str, str, float)
-        Ids and depth [m] of the overlaps that are deeper than those within a skin may be.
-    """
+    """Return the pairs of cells of two skins that overlap, with the depth [m]."""
     a, b = one.taxels, other.taxels
     size = max(float(np.linalg.norm(t.corners_link - t.positions_link[:, None], axis=2).max()) for t in (a, b))
     found = []
@@ -74,20 +53,7 @@ def overlaps(one: Patch, other: Patch) -> list[tuple[str, str, float]]:
 
 
 def shadow_depth(one: Array, other: Array, up: Array) -> float:
-    """Return how deep the shadows of two convex outlines overlap; negative if they are apart [m].
-
-    Parameters
-    ----------
-    one, other : array, shape (k, 3)
-        Corners [m].
-    up : array, shape (3,)
-        Unit direction of the light.
-
-    Returns
-    -------
-    float
-        By the separating axis theorem.
-    """
+    """Return how deep the shadows of two convex outlines overlap; negative if they are apart [m]."""
     axes = np.concatenate([np.cross(up, np.roll(c, -1, axis=0) - c) for c in (one, other)])
     axes = unit(axes[np.linalg.norm(axes, axis=1) > 0])
     a, b = one @ axes.T, other @ axes.T

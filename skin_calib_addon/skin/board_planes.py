@@ -26,20 +26,6 @@ def board_planes(positions: Array, boards: IntArray | None = None) -> tuple[IntA
 
     A board is a group that the file states, if its taxels are in a plane. Without such groups, it is a set of adjacent
     taxels in a plane that are on no conic: a flexible sheet has such sets only where it is flat.
-
-    Parameters
-    ----------
-    positions : array, shape (n, 3)
-        Positions [m].
-    boards : array of int, shape (n,), optional
-        Boards that the file states.
-
-    Returns
-    -------
-    board : array of int, shape (n,)
-        Number of the board; -1 without one.
-    normals : array, shape (n, 3)
-        Unit normals of the planes, of either sign; zero without a board.
     """
     groups = _found(positions) if boards is None else [np.flatnonzero(boards == k) for k in np.unique(boards)]
     least = MIN_FOUND_TAXELS if boards is None else MIN_STATED_TAXELS

@@ -82,37 +82,6 @@ def imported_taxels(
     Positions do not change. ``quality["gap"]`` is the height of each taxel above the surface [m], as a skin has a
     thickness. Taxels of a rigid board have the normal of its plane, see :func:`.board_planes.board_planes`; the surface
     gives its sign. Other taxels have the normal of the surface. Normals of the file are compared, but not used.
-
-    Parameters
-    ----------
-    taxel_set : TaxelSet
-        Taxels of the file.
-    surface : BSplineSurface
-        The fitted surface, in the link frame.
-    name : str
-        Name of the patch; ids read ``name.label``.
-    mesh : TriangleMesh, optional
-        Mesh of the link. It gives distances, and the frame of the taxels.
-    frame : (rotation, translation), optional
-        Transform from the frame of the set to the link frame, see `placed`. By default the set is in the link frame.
-    snap : bool
-        Whether to move each taxel to its footpoint, with the normal there. The gap is that before the movement.
-    tangent : "u" or "v"
-        Parameter that gives the direction of the tangents, if the file has none.
-    farthest : float
-        Limit of the distance from the surface; taxels beyond it are named [m].
-    pitch : float, optional
-        Distance between neighbours, which limits the cells [m]. By default the median of the set.
-
-    Returns
-    -------
-    ImportedTaxels
-
-    Raises
-    ------
-    InvalidPlan
-        If all taxels have one position and no pitch is given, if they are too close together for the pitch, or if the
-        matrix is not a rotation.
     """
     taxel_set = taxel_set if frame is None else placed(taxel_set, *frame)
     ids = tuple(f"{name}.{label}" for label in taxel_set.labels)
@@ -156,15 +125,7 @@ def imported_taxels(
 
 
 def board_normals(taxel_set: TaxelSet, upright: Array) -> Array:
-    """Return the normals of the boards of a set, and of the surface for taxels without a board, shape (n, 3).
-
-    Parameters
-    ----------
-    taxel_set : TaxelSet
-        Taxels in the link frame.
-    upright : array, shape (n, 3)
-        Outward unit normals of the surface under the taxels.
-    """
+    """Return the normals of the boards of a set, and of the surface for taxels without a board, shape (n, 3)."""
     board, planes = board_planes(taxel_set.positions, taxel_set.boards)
     normals = upright.copy()
     for number in np.unique(board[board >= 0]):
@@ -177,26 +138,7 @@ def board_normals(taxel_set: TaxelSet, upright: Array) -> Array:
 
 
 def placed(taxel_set: TaxelSet, rotation: ArrayLike, translation: ArrayLike) -> TaxelSet:
-    """Return a set in the link frame: ``rotation @ p + translation``.
-
-    Parameters
-    ----------
-    taxel_set : TaxelSet
-        Taxels of the file.
-    rotation : array, shape (3, 3)
-        Rotation; rounding by the author is removed.
-    translation : array, shape (3,)
-        Translation [m].
-
-    Returns
-    -------
-    TaxelSet
-
-    Raises
-    ------
-    InvalidPlan
-        If the matrix is not a rotation: it scales, shears or mirrors.
-    """
+    """Return a set in the link frame: ``rotation @ p + translation``."""
     return taxel_set.moved(_proper(rotation), np.asarray(translation, float))
 
 
@@ -212,28 +154,7 @@ def _proper(rotation: ArrayLike) -> Array:
 
 
 def frame_on(taxel_set: TaxelSet, mesh: TriangleMesh, name: str, frame: Frame | None = None) -> Frame:
-    """Return the frame in which a set lies on a mesh, if there is exactly one.
-
-    Parameters
-    ----------
-    taxel_set : TaxelSet
-        Taxels of the file.
-    mesh : TriangleMesh
-        Mesh of the link.
-    name : str
-        Name of the taxels, for messages.
-    frame : (rotation, translation), optional
-        Approximate transform from the frame of the set to the link frame.
-
-    Returns
-    -------
-    (rotation, translation)
-
-    Raises
-    ------
-    InvalidPlan
-        If the set is on the mesh already, fits in several positions or in none, or if the matrix is not a rotation.
-    """
+    """Return the frame in which a set lies on a mesh, if there is exactly one."""
     given = taxel_set if frame is None else placed(taxel_set, *frame)
     fit = find_frame(mesh, given.positions)
     if fit.verdict == "moved":
@@ -251,20 +172,7 @@ def _after(fit: RigidFit, frame: Frame | None) -> tuple[Array, Array]:
 
 
 def median_pitch(positions: Array, name: str) -> float:
-    """Return the median distance from a taxel to the nearest one at another position [m].
-
-    Parameters
-    ----------
-    positions : array, shape (n, 3)
-        Positions [m].
-    name : str
-        Name of the taxels, for messages.
-
-    Raises
-    ------
-    InvalidPlan
-        If all have one position.
-    """
+    """Return the median distance from a taxel to the nearest one at another position [m]."""
     points = positions[np.unique(np.round(positions / SAME_POSITION), axis=0, return_index=True)[1]]
     if len(points) < 2:
         raise InvalidPlan(f"the taxels of {name} have one position, so that their cells have no size; give a pitch")
@@ -272,24 +180,7 @@ def median_pitch(positions: Array, name: str) -> float:
 
 
 def outlines(positions: Array, normals: Array, tangents: Array, pairs: IntArray, max_radius: float) -> Array:
-    """Return the outlines of the cells: the points nearer to a taxel than to any other, in its tangent plane.
-
-    Parameters
-    ----------
-    positions : array, shape (n, 3)
-        Positions [m].
-    normals, tangents : array, shape (n, 3)
-        Unit vectors.
-    pairs : array of int, shape (m, 2)
-        Taxels that may bound each other.
-    max_radius : float
-        Largest radius of a cell [m].
-
-    Returns
-    -------
-    array, shape (n, OUTLINE_SIDES, 3)
-        Corners, beginning at the tangent, counter-clockwise seen from outside [m].
-    """
+    """Return the outlines of the cells: the points nearer to a taxel than to any other, in its tangent plane."""
     angles = 2 * np.pi * np.arange(OUTLINE_SIDES) / OUTLINE_SIDES
     rays = np.column_stack((np.cos(angles), np.sin(angles)))
     across = np.cross(normals, tangents)
@@ -312,19 +203,6 @@ def gabriel(positions: Array, normals: Array, pairs: IntArray) -> IntArray:
     """Return the pairs of taxels whose cells touch: no third one is in the ball between them (Gabriel, 1969).
 
     The diagonals of a square are not pairs, as the other two corners are on the ball.
-
-    Parameters
-    ----------
-    positions : array, shape (n, 3)
-        Positions [m].
-    normals : array, shape (n, 3)
-        Unit normals.
-    pairs : array of int, shape (m, 2)
-        Candidates.
-
-    Returns
-    -------
-    array of int, shape (k, 2)
     """
     a, b = pairs.T
     middle, radius = (positions[a] + positions[b]) / 2, np.linalg.norm(positions[a] - positions[b], axis=1) / 2
@@ -337,28 +215,7 @@ def gabriel(positions: Array, normals: Array, pairs: IntArray) -> IntArray:
 
 
 def near_pairs(positions: Array, normals: Array, far: float, name: str) -> IntArray:
-    """Return the pairs of near taxels with an angle below 90 degrees between their normals.
-
-    Parameters
-    ----------
-    positions : array, shape (n, 3)
-        Positions [m].
-    normals : array, shape (n, 3)
-        Unit normals.
-    far : float
-        Largest distance [m].
-    name : str
-        Name of the taxels, for messages.
-
-    Returns
-    -------
-    array of int, shape (m, 2)
-
-    Raises
-    ------
-    InvalidPlan
-        If the taxels are too close together for the distance.
-    """
+    """Return the pairs of near taxels with an angle below 90 degrees between their normals."""
     tree = cKDTree(positions)
     if tree.count_neighbors(tree, far) > MAX_MEAN_NEIGHBOURS * len(positions):
         raise InvalidPlan(

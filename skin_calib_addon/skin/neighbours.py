@@ -24,22 +24,6 @@ def neighbours(ids: tuple[str, ...], positions: Array, normals: Array, *outlines
     - the angle between the normals is below 90 degrees. It is not on the two faces of a thin part.
 
     A neighbour in one direction is a neighbour in both.
-
-    Parameters
-    ----------
-    ids : tuple of str
-        Ids of the n cells.
-    positions : array, shape (n, 3)
-        Centres [m].
-    normals : array, shape (n, 3)
-        Outward unit normals.
-    *outlines : arrays, each of shape (n_i, k_i, 3)
-        Corners of the cells, counter-clockwise seen from outside [m]; the n_i add up to n.
-
-    Returns
-    -------
-    tuple of tuple of str
-        Ids in the order of ``ids``.
     """
     corners = [outline.reshape(-1, 3) for outline in outlines]
     following = np.concatenate([np.roll(outline, -1, axis=1).reshape(-1, 3) for outline in outlines])

@@ -24,27 +24,7 @@ Parted = tuple[tuple[Patch, ...], tuple[Patch | None, ...]]
 
 
 def with_single_taxels(patches: tuple[Patch, ...], singles: Sequence[tuple[SingleTaxel, ...]]) -> Parted:
-    """Give single taxels their own channels, and leave out those that are disabled.
-
-    Parameters
-    ----------
-    patches : tuple of Patch, length k
-        All skins of a link.
-    singles : sequence of tuple of SingleTaxel, length k
-        Of each patch. Taxels that a sheet leaves out may be among them.
-
-    Returns
-    -------
-    enabled : tuple of Patch, length k
-        The other taxels keep ids and channels. No taxel has a disabled one as neighbour.
-    disabled : tuple of Patch or None, length k
-        The disabled taxels of each patch.
-
-    Raises
-    ------
-    InvalidPlan
-        If imported taxels do not have the id, no taxel of a patch is left, or two taxels have a channel in common.
-    """
+    """Give single taxels their own channels, and leave out those that are disabled."""
     if not any(singles):
         return patches, (None,) * len(patches)
     both = [_of_patch(patch, own) for patch, own in zip(patches, singles)]
@@ -85,17 +65,7 @@ def short_id(patch: Patch, id: str) -> str:
 
 
 def chosen_taxels(taxels: TaxelArray, rows: BoolArray, removed: Collection[str] = ()) -> TaxelArray:
-    """Return some of the taxels; their neighbours and ports do not have the removed ids.
-
-    Parameters
-    ----------
-    taxels : TaxelArray
-        All taxels of a patch.
-    rows : array of bool, shape (n,)
-        Which taxels are returned.
-    removed : collection of str
-        Ids.
-    """
+    """Return some of the taxels; their neighbours and ports do not have the removed ids."""
     chosen = np.flatnonzero(rows).tolist()
     arrays: dict[str, Any] = {field.name: getattr(taxels, field.name) for field in fields(taxels)}
     arrays = {name: v[rows] for name, v in arrays.items() if isinstance(v, np.ndarray) and len(v)}

@@ -71,20 +71,6 @@ def moved_within(arms: Array, registration: Registration, curvature: float = 0.0
 
         C = \sigma_o^2 \left( I + \frac{c^2 - 1}{r^2}\, \mathbf{t} \mathbf{t}^T \right)
         + \sigma_d^2 s^2\, \mathbf{t} \mathbf{t}^T \quad [\text{m}^2]
-
-    Parameters
-    ----------
-    arms : array, shape (n, 2)
-        Flat positions relative to the anchor, along the rows and across [m].
-    registration : Registration
-        Standard uncertainties of the anchor and of the direction.
-    curvature : float
-        Gaussian curvature of the surface, see `usual_curvature` [1/m^2].
-
-    Returns
-    -------
-    array, shape (n, 2, 2)
-        [m^2]
     """
     squares = np.maximum((arms**2).sum(axis=1), MIN_LENGTH**2)
     angles = np.sqrt(curvature * squares.astype(complex))  # imaginary where paths diverge
@@ -102,13 +88,6 @@ def usual_curvature(surface: BSplineSurface, uv: Array) -> float:
     .. math::
 
         K = \frac{\det \mathrm{II}}{\det \mathrm{I}} \quad [1 / \text{m}^2]
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    uv : array, shape (n, 2)
-        Parameters, such as those of all taxels of a skin.
     """
     r = surface.derivatives(uv, order=2)
     across = cross(r[1, 0], r[0, 1])
@@ -126,22 +105,6 @@ def moved_rigidly(taxels: TaxelArray, registration: Registration) -> tuple[Array
 
         C = \sigma_o^2 I + \sigma_d^2 \left( \lVert \mathbf{a} \rVert^2 I - \mathbf{a} \mathbf{a}^T \right)
         \quad [\text{m}^2]
-
-    Parameters
-    ----------
-    taxels : TaxelArray
-        The taxels.
-    registration : Registration
-        Standard uncertainties of the anchor and of the direction, per axis.
-
-    Returns
-    -------
-    along : array, shape (n, 2, 2)
-        Covariance along the row and across it [m^2].
-    height : array, shape (n,)
-        Variance along the normal [m^2].
-    tilt : float
-        Variance of the direction of the normal, per axis [rad^2].
     """
     arms = taxels.positions_link - registration.anchor
     covariance = (registration.origin**2 + registration.direction**2 * (arms**2).sum(axis=1))[:, None, None] * np.eye(3)
@@ -175,23 +138,6 @@ def taxel_uncertainty(
         \bigl( \mathbf{n}(\pm\sqrt{2}\,\mathbf{c}_i) - \mathbf{n} \bigr)^T + T
 
     :math:`T` is the covariance of the slope of the fit.
-
-    Parameters
-    ----------
-    taxels : TaxelArray
-        Taxels on the surface of ``field``.
-    field : ErrorField
-        Of the fit.
-    along : array, shape (n, 2, 2)
-        Covariance of the positions along the rows and across, see `moved_within` and `moved_rigidly` [m^2].
-    height : array, shape (n,), optional
-        Variance of the height of taxels that are not on the surface [m^2]. By default that of the fit.
-    tilt : float
-        Further variance of the normal, per axis [rad^2].
-
-    Returns
-    -------
-    TaxelUncertainty
     """
     surface, uv, axes = field.surface, taxels.uv, _axes(taxels)
     r = surface.derivatives(uv)

@@ -38,19 +38,7 @@ BOARD_LIMITS = (
 
 
 def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator[Warning]:
-    """Yield a warning for each kind of defect: strain, overlap, or boards that do not fit the surface.
-
-    Parameters
-    ----------
-    patch : Patch
-        The placed skin.
-    closure : Closure, optional
-        Gaps of a sheet that closes around the link.
-
-    Yields
-    ------
-    Warning
-    """
+    """Yield a warning for each kind of defect: strain, overlap, or boards that do not fit the surface."""
     quality = patch.taxels.quality
     if "strain" in quality:
         strain = np.abs(quality["strain"][:, :2]).max(axis=1)
@@ -98,17 +86,6 @@ def normal_warnings(patch: Patch, mesh: TriangleMesh) -> Iterator[Warning]:
 
     The faces are those nearest to the centre of a cell and to the points halfway to its corners. Their mean normal is
     compared, so that facets, or the noise of a scan, do not count.
-
-    Parameters
-    ----------
-    patch : Patch
-        The placed skin.
-    mesh : TriangleMesh
-        Mesh of the link [m].
-
-    Yields
-    ------
-    Warning
     """
     taxels = patch.taxels
     halfway = [(corners + centre) / 2 for corners, centre in zip(taxels.corners_link, taxels.positions_link)]
@@ -141,20 +118,7 @@ def overlap_words(closure: Closure) -> str:
 
 
 def check_overlap(patch: Patch, closure: Closure | None) -> None:
-    """Check that a sheet does not overlap itself by more than a tenth of a cell where it closes around the link.
-
-    Parameters
-    ----------
-    patch : Patch
-        The placed sheet.
-    closure : Closure or None
-        Its gaps; None if it does not close around the link.
-
-    Raises
-    ------
-    InvalidPlan
-        If it does.
-    """
+    """Check that a sheet does not overlap itself by more than a tenth of a cell where it closes around the link."""
     if closure is None:
         return
     cell = patch.pitch[1 if closure.of == "rows" else 0]

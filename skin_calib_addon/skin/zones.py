@@ -16,18 +16,6 @@ def discs_over(triangles: Array, max_radius: float) -> list[tuple[Array, float]]
     """Return balls around points of faces that contain all of the faces, few and small.
 
     The ball that contains the most points that are left is chosen, and becomes as small as they permit.
-
-    Parameters
-    ----------
-    triangles : array, shape (f, 3, 3)
-        Corners of the faces [m].
-    max_radius : float
-        Of a ball [m].
-
-    Returns
-    -------
-    list of (array of shape (3,), float)
-        Centre on a face, and radius [m].
     """
     step = SPACING * max_radius
     points = _points_on(triangles, step)
@@ -51,17 +39,6 @@ def taxels_over(triangles: Array, taxels: TaxelArray) -> BoolArray:
     """Return which taxels have a part of their cell over or below faces.
 
     A point of a face is below the cell whose centre is the nearest, if it is not farther than the corners of this cell.
-
-    Parameters
-    ----------
-    triangles : array, shape (f, 3, 3)
-        Corners of the faces [m].
-    taxels : TaxelArray
-        Of a sheet, n taxels; link frame.
-
-    Returns
-    -------
-    array of bool, shape (n,)
     """
     points = _points_on(triangles, float(np.sqrt(taxels.areas.min())) / STEPS_PER_CELL)
     distances, nearest = map(np.asarray, cKDTree(taxels.positions_link).query(points))

@@ -178,19 +178,7 @@ class Placement:
 
 
 def placements(calibration: LinkCalibration, touches: Touches) -> list[Placement]:
-    """Return the touches of each touched patch, compared with its taxels; taxels without a patch are left out.
-
-    Parameters
-    ----------
-    calibration : LinkCalibration
-        Calibration of the link.
-    touches : Touches
-        Measured touches.
-
-    Returns
-    -------
-    list of Placement
-    """
+    """Return the touches of each touched patch, compared with its taxels; taxels without a patch are left out."""
     found = []
     for patch in calibration.patches:
         row_of = {name: row for row, name in enumerate(patch.taxels.ids)}
@@ -250,15 +238,7 @@ def _robust(design: Array, offsets: Array, far: float) -> tuple[Array, Array]:
 
 
 def flat_places(patch: Patch, cells: IntArray | Array) -> Array:
-    """Return the positions of cells in the flat skin, x along the rows, shape (n, 2) [m].
-
-    Parameters
-    ----------
-    patch : Patch
-        A sheet or boards.
-    cells : array, shape (n, 2)
-        Cells as in the ``index`` of the patch; the patch need not have them. Halves are between two cells.
-    """
+    """Return the positions of cells in the flat skin, x along the rows, shape (n, 2) [m]."""
     i, j = cells.T.astype(float)
     if patch.kind == "hexagons":
         return patch.pitch[0] * np.column_stack((i + j / 2, np.sqrt(0.75) * j))
@@ -266,15 +246,7 @@ def flat_places(patch: Patch, cells: IntArray | Array) -> Array:
 
 
 def link_point(patch: Patch, flat: Array) -> Array:
-    """Return the point of a flat position (2,), in the tangent plane of the nearest taxel, shape (3,) [m].
-
-    Parameters
-    ----------
-    patch : Patch
-        A sheet or boards.
-    flat : array, shape (2,)
-        As in `flat_places` [m].
-    """
+    """Return the point of a flat position (2,), in the tangent plane of the nearest taxel, shape (3,) [m]."""
     arms = flat - flat_places(patch, patch.taxels.index)
     row = int((arms**2).sum(axis=1).argmin())
     point: Array = patch.taxels.positions_link[row] + arms[row] @ _axes(patch, row)
@@ -282,15 +254,7 @@ def link_point(patch: Patch, flat: Array) -> Array:
 
 
 def flat_point(patch: Patch, point: Array) -> Array:
-    """Return the flat position (2,) of a point, in the tangent plane of the nearest taxel; inverse of `link_point` [m].
-
-    Parameters
-    ----------
-    patch : Patch
-        A sheet or boards.
-    point : array, shape (3,)
-        Near the skin, link frame [m].
-    """
+    """Return the flat position (2,) [m] of a point, in the tangent plane of the nearest taxel."""
     arms = point - patch.taxels.positions_link
     row = int((arms**2).sum(axis=1).argmin())
     flat: Array = flat_places(patch, patch.taxels.index[row][None])[0] + _axes(patch, row) @ arms[row]

@@ -47,22 +47,6 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
       force-torque sensor [N, N m].
 
     The order and the case of the names are free. Other columns are ignored.
-
-    Parameters
-    ----------
-    path : path
-        A CSV file.
-    calibration : LinkCalibration
-        Calibration with the taxels that a row may name.
-
-    Returns
-    -------
-    Touches
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the table is invalid; names file, line and column of the first error.
     """
     ids = [name for patch in calibration.patches for name in patch.taxels.ids]
     by_channel = {

@@ -20,15 +20,7 @@ DIAL_COLOURS = ((0.9, 0.3, 0.3), (0.3, 0.5, 1.0))
 
 
 def listed(plan: Any, family: str) -> Any:
-    """Return the list of planes of a family.
-
-    Parameters
-    ----------
-    plan : property group
-        Of the link.
-    family : str
-        "CUT", "U" or "V".
-    """
+    """Return the list of planes of a family."""
     if family == "CUT":
         return plan.cover.cuts
     return getattr(plan.grid, family.lower()) if plan.grid.kind == "planes" else ()
@@ -41,17 +33,7 @@ def chosen(plan: Any) -> tuple[str, int]:
 
 
 def choose(plan: Any, family: str, index: int) -> None:
-    """Give the handles for tilting to a plane.
-
-    Parameters
-    ----------
-    plan : property group
-        Of the link.
-    family : str
-        "CUT", "U" or "V".
-    index : int
-        Of the plane in its list.
-    """
+    """Give the handles for tilting to a plane."""
     if chosen(plan) == (family, index):
         return
     if family == "CUT":
@@ -79,17 +61,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
         self.refresh(context)
 
     def add(self, kind, change, colour):
-        """Add a handle that measures how far it has been moved or turned since the start of the drag.
-
-        Parameters
-        ----------
-        kind : str
-            Type of the gizmo.
-        change : function
-            Called with the handle and its value.
-        colour : tuple of float
-            Red, green, blue.
-        """
+        """Add a handle that measures how far it has been moved or turned since the start of the drag."""
         handle = self.gizmos.new(kind)
         handle.target_set_handler("offset", get=lambda: self.moved(handle), set=lambda value: change(handle, value))
         handle.color, handle.color_highlight = colour, (1.0, 1.0, 1.0)
@@ -124,21 +96,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
         return [(family, i) for family in FAMILIES for i in range(len(listed(plan, family)))]
 
     def draw_arrow(self, context, arrow, plan, family, i):
-        """Place an arrow at the border of the plane's section; it has the shape of a box if the plane is not selected.
-
-        Parameters
-        ----------
-        context : Context
-            Of Blender.
-        arrow : Gizmo
-            The handle.
-        plan : property group
-            Of the link.
-        family : str
-            "CUT", "U" or "V".
-        i : int
-            Index of the plane in its list.
-        """
+        """Place an arrow at the border of the plane's section; it is a box if the plane is not selected."""
         plane, metre = listed(plan, family)[i], metres_per_unit(context.scene)
         sketch = updates.sketches.get(context.object.name)
         arm = sketch.arms.get((family, i), (0, 0, 0)) if sketch else (0, 0, 0)
@@ -150,15 +108,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
         arrow.matrix_basis = basis_at(context, Vector(plane.point) + Vector(arm) / metre, Vector(plane.normal))
 
     def tilt_axes(self, plan, plane):
-        """Return two axes in a plane about which it can be turned; the first axis of a v-plane is along the link.
-
-        Parameters
-        ----------
-        plan : property group
-            Of the link.
-        plane : property group
-            Point and normal.
-        """
+        """Return two axes in a plane about which it can be turned; the first axis of a v-plane is along the link."""
         normal = Vector(plane.normal).normalized()
         along = sum((Vector(u.normal) for u in plan.grid.u), Vector()) if plan.held == "V" else Vector()
         along -= along.dot(normal) * normal
@@ -168,31 +118,13 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
         return along, normal.cross(along)
 
     def plane_of(self, plan, index):
-        """Return the plane that an arrow moves, and select it.
-
-        Parameters
-        ----------
-        plan : property group
-            Of the link.
-        index : int
-            Of the arrow.
-        """
+        """Return the plane that an arrow moves, and select it."""
         family, i = self.names(plan)[index]
         choose(plan, family, i)
         return listed(plan, family)[i]
 
     def begin_drag(self, handle, plane, axis):
-        """Store the start of a drag.
-
-        Parameters
-        ----------
-        handle : Gizmo
-            That is dragged.
-        plane : property group
-            That it changes.
-        axis : Vector or None
-            About which the plane turns.
-        """
+        """Store the start of a drag."""
         if self.dragged is not handle:
             self.dragged = handle
             self.start = Vector(plane.point), Vector(plane.normal), axis
@@ -203,17 +135,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
         return self.value if self.dragged is handle else 0.0
 
     def move(self, index, handle, value):
-        """Move a plane along its normal.
-
-        Parameters
-        ----------
-        index : int
-            Of the arrow.
-        handle : Gizmo
-            That is dragged.
-        value : float
-            Distance in Blender units of the world.
-        """
+        """Move a plane along its normal."""
         plane = self.plane_of(bpy.context.object.skin_calib, index)
         self.begin_drag(handle, plane, None)
         point, normal, _ = self.start
@@ -221,17 +143,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
         plane.point = point + value * normal.normalized()
 
     def tilt(self, k, handle, value):
-        """Turn the selected plane about an axis through its point.
-
-        Parameters
-        ----------
-        k : int
-            Number of the axis.
-        handle : Gizmo
-            That is dragged.
-        value : float
-            Angle [rad].
-        """
+        """Turn the selected plane about an axis through its point."""
         plan = bpy.context.object.skin_calib
         family, i = chosen(plan)
         plane = listed(plan, family)[i]
@@ -248,15 +160,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
 
 
 def is_shown(context: bpy.types.Context, layer: str) -> bool:
-    """Return whether a layer of the link's overlay is drawn in this view, so that its handles are needed.
-
-    Parameters
-    ----------
-    context : Context
-        Of Blender.
-    layer : str
-        Name of the layer.
-    """
+    """Return whether a layer of the link's overlay is drawn in this view, so that its handles are needed."""
     space = context.space_data
     if why_no_link(context) or not space.overlay.show_overlays or not context.object.visible_get(viewport=space):
         return False
@@ -283,15 +187,7 @@ def push_undo() -> None:
 
 
 def basis_at(context: bpy.types.Context, point: Vector, direction: Vector) -> Matrix:
-    """Return the transform in the world of a handle at a point, with its z axis along a direction.
-
-    Parameters
-    ----------
-    context : Context
-        Of Blender.
-    point, direction : Vector
-        In the link frame, in Blender units.
-    """
+    """Return the transform in the world of a handle at a point, with its z axis along a direction."""
     return (
         link_frame(context.object) @ Matrix.Translation(point) @ direction.to_track_quat("Z", "Y").to_matrix().to_4x4()
     )

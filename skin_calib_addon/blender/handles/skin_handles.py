@@ -132,19 +132,7 @@ class SKIN_GT_spot(bpy.types.Gizmo):
 
 
 def state(plan: Any, skin: int, what: str, index: int) -> list[tuple[Any, str, Any]]:
-    """Return what a drag can change: each group of properties, the name of the property, and its value.
-
-    Parameters
-    ----------
-    plan : property group
-        Of the link.
-    skin : int
-        Index of the skin.
-    what : str
-        "origin", "direction", "landmark" or "zone".
-    index : int
-        Of the landmark or zone.
-    """
+    """Return what a drag can change: each group of properties, the name of the property, and its value."""
     owner, name = point_of(plan, "origin" if what == "direction" else what, skin, index)
     names = (
         (name,)
@@ -159,17 +147,7 @@ def state(plan: Any, skin: int, what: str, index: int) -> list[tuple[Any, str, A
 
 
 def direction_under(context: bpy.types.Context, x: int, y: int, basis: Matrix) -> Vector | None:
-    """Return the unit vector from the foot of an arrow to the mouse, in its plane and in the link frame.
-
-    Parameters
-    ----------
-    context : Context
-        Of Blender.
-    x, y : int
-        Pixel of the window.
-    basis : Matrix
-        Of the arrow in the world.
-    """
+    """Return the unit vector from the foot of an arrow to the mouse, in its plane and in the link frame."""
     ray = ray_under(context, x, y)
     if ray is None:
         return None
@@ -235,13 +213,6 @@ def basis_of(context: bpy.types.Context, target: Target) -> Matrix | None:
     """Return the transform of a handle in the world; None before the first placement of the skin, if it is needed.
 
     The z axis of an arrow is its direction, its x axis is the normal of the link.
-
-    Parameters
-    ----------
-    context : Context
-        Of Blender.
-    target : Target
-        What the handle moves.
     """
     what, skin, index = target
     if what in ("landmark", "zone") or what == "origin" and not context.object.skin_calib.skins[skin].centred:

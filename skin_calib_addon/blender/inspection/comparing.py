@@ -23,22 +23,7 @@ MAX_NOTES = 6
 
 
 def compare_with(link: bpy.types.Object, path: str, scene: bpy.types.Scene) -> Comparison:
-    """Compare the last result of a link with the taxels of a file, and store the result of the comparison.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    path : str
-        Of the file.
-    scene : Scene
-        With the unit of length.
-
-    Raises
-    ------
-    SkinCalibError
-        If there is no result, or the file cannot be read.
-    """
+    """Compare the last result of a link with the taxels of a file, and store the result of the comparison."""
     settings, taxels = link.skin_calib, taxels_of(link)
     found = compare(taxels, read_others(path), result_of(link).cover, settings.link)
     _write(settings.inspect.comparison, found, metres_per_unit(scene))

@@ -52,20 +52,7 @@ def find(link: bpy.types.Object) -> Replay | None:
 
 
 def open_recording(link: bpy.types.Object, path: str) -> Replay:
-    """Show the first frame of a recording over the last result of a link.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    path : str
-        Of the recording.
-
-    Raises
-    ------
-    SkinCalibError
-        If there is no result, or the recording does not belong to this skin.
-    """
+    """Show the first frame of a recording over the last result of a link."""
     settings, key = link.skin_calib.inspect, link.skin_calib.result.key
     replay = Replay.read(result_of(link).calibration, path)
     stop(link)
@@ -132,15 +119,7 @@ def frame_of(record: Any) -> int:
 
 
 def choose(record: Any, frame: int) -> None:
-    """Show another frame; playback continues from there.
-
-    Parameters
-    ----------
-    record : property group
-        Of the recording.
-    frame : int
-        Number of the frame; limited to the last one.
-    """
+    """Show another frame; playback continues from there."""
     link = record.id_data
     replay = find(link)
     record.chosen = frame if replay is None else min(frame, len(replay) - 1)
@@ -150,15 +129,7 @@ def choose(record: Any, frame: int) -> None:
 
 
 def paced(record: Any, _context: Any) -> None:
-    """Continue playback at another speed.
-
-    Parameters
-    ----------
-    record : property group
-        Of the recording.
-    _context : Context
-        Of Blender.
-    """
+    """Continue playback at another speed."""
     if record.id_data.name in _playing:
         _begin(record.id_data, frame_of(record))
 

@@ -29,20 +29,7 @@ FORCE = "force"
 
 
 def add_taxel_mesh(link: bpy.types.Object, context: bpy.types.Context) -> bpy.types.Object:
-    """Return an object with a face for each taxel of the last result; one that the link has gets the new faces.
-
-    Parameters
-    ----------
-    link : Object
-        A fitted link.
-    context : Context
-        Has the scene.
-
-    Raises
-    ------
-    SkinCalibError
-        If there is no result.
-    """
+    """Return an object with a face for each taxel of the last result; one that the link has gets the new faces."""
     result, taxels = result_of(link), taxels_of(link)
     thing = next(of_link(link), None)
     if thing is None:
@@ -84,13 +71,7 @@ def is_of_another_fit(link: bpy.types.Object) -> bool:
 
 
 def errors_of(result: Calibrated) -> Array:
-    """Return the distance of the surface from the mesh below each taxel, shape (n,) [m].
-
-    Parameters
-    ----------
-    result : Calibrated
-        Has surfaces, covers and patches.
-    """
+    """Return the distance of the surface from the mesh below each taxel, shape (n,) [m]."""
     parts = [np.empty(0)]
     distances = {name: distance_to(cover) for name, cover in result.covers.items()}
     for patch in result.calibration.patches:
@@ -100,15 +81,7 @@ def errors_of(result: Calibrated) -> Array:
 
 
 def _write_faces(data: bpy.types.Mesh, corners: Array) -> None:
-    """Replace a mesh by one face for each taxel.
-
-    Parameters
-    ----------
-    data : Mesh
-        Its materials stay.
-    corners : array, shape (n, k, 3)
-        The last one is repeated where a taxel has fewer [m].
-    """
+    """Replace a mesh by one face for each taxel."""
     repeated = (np.diff(corners, axis=1) == 0).all(axis=2)
     counts = corners.shape[1] - repeated.sum(axis=1)
     points = [taxel[:count] for taxel, count in zip(corners, counts)]
@@ -121,15 +94,7 @@ def _write_faces(data: bpy.types.Mesh, corners: Array) -> None:
 
 @persistent
 def follow_timeline(scene: bpy.types.Scene, _depsgraph: Any = None) -> None:
-    """Show the frame of each recording that belongs to the frame of the scene; 0 N without a recording of the fit.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its first frame is the start of the recordings, at its frame rate.
-    _depsgraph : Depsgraph
-        Not used; Blender calls with it.
-    """
+    """Show the frame of each recording that belongs to the frame of the scene; 0 N without a recording of the fit."""
     rate = scene.render.fps / scene.render.fps_base
     seconds = (scene.frame_current_final - scene.frame_start) / rate
     for thing in scene.objects:

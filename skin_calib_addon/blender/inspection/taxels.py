@@ -21,13 +21,7 @@ from ..scene.units import metres_per_unit
 
 
 def result_of(link: bpy.types.Object) -> Calibrated:
-    """Return the last result of a link.
-
-    Raises
-    ------
-    SkinCalibError
-        If the link was not fitted in this session: files do not contain surfaces.
-    """
+    """Return the last result of a link."""
     found = results.find(link.skin_calib.result.key)
     if found is None:
         raise SkinCalibError(f"{link.name} has no result since this file was opened. Fit it first")
@@ -45,35 +39,12 @@ def all_taxels_of(link: bpy.types.Object) -> AllTaxels:
 
 
 def token_of(key: str, taxel: str) -> str:
-    """Return the token under which the mark of a taxel is stored.
-
-    Parameters
-    ----------
-    key : str
-        Of the result.
-    taxel : str
-        Id.
-    """
+    """Return the token under which the mark of a taxel is stored."""
     return f"taxel {taxel} of {key}"
 
 
 def read_taxel(link: bpy.types.Object, word: str, scene: bpy.types.Scene) -> str:
-    """Store the values of a taxel on its object, mark it, and return its id.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    word : str
-        Id or channel of the taxel.
-    scene : Scene
-        With the unit of length.
-
-    Raises
-    ------
-    SkinCalibError
-        If the taxel does not exist.
-    """
+    """Store the values of a taxel on its object, mark it, and return its id."""
     taxels, key = all_taxels_of(link), link.skin_calib.result.key
     row = taxels.row_of(word)
     link.skin_calib.inspect.taxel.disabled = row >= len(taxels_of(link).ids)
@@ -85,15 +56,7 @@ def read_taxel(link: bpy.types.Object, word: str, scene: bpy.types.Scene) -> str
 
 
 def read_again(link: bpy.types.Object, scene: bpy.types.Scene) -> None:
-    """Store the values that the taxel of a link has after another fit; nothing if it has no such taxel.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    scene : Scene
-        With the unit of length.
-    """
+    """Store the values that the taxel of a link has after another fit; nothing if it has no such taxel."""
     if link.skin_calib.inspect.taxel.id:
         with suppress(UnknownTaxel):  # the panel says that the values are of another fit
             read_taxel(link, link.skin_calib.inspect.taxel.id, scene)
@@ -114,17 +77,7 @@ def _known(values: Iterable[float]) -> list[float]:
 
 
 def taxel_on_ray(link: bpy.types.Object, context: bpy.types.Context, start: Any, direction: Any) -> str | None:
-    """Return the id of the first taxel on a ray that the link does not hide, or None.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    context : Context
-        Of Blender.
-    start, direction : Vector
-        Of the ray, in the world.
-    """
+    """Return the id of the first taxel on a ray that the link does not hide, or None."""
     taxels, to_link = all_taxels_of(link), link_frame(link).inverted()
     eye, ahead = to_link @ start, to_link.to_3x3() @ direction
     metre, farthest = metres_per_unit(context.scene), np.inf

@@ -19,20 +19,7 @@ from .taxels import result_of
 
 
 def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
-    """Compare the last result of a link with a table of touches, and store the result of the comparison.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    path : str
-        Of the table.
-
-    Raises
-    ------
-    SkinCalibError
-        If there is no result, the table cannot be read, or a touch is far from the skins.
-    """
+    """Compare the last result of a link with a table of touches, and store the result of the comparison."""
     settings = link.skin_calib
     calibration, record, key = result_of(link).calibration, settings.inspect.touches, settings.result.key
     touches = read_touches(path, calibration)
@@ -55,20 +42,7 @@ def _named(placement: Placement, line: str, many: bool) -> str:
 
 
 def move_to_touches(link: bpy.types.Object, scene: bpy.types.Scene) -> None:
-    """Move the skins of a plan to their measured placement, from the displayed touches.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    scene : Scene
-        With the plan.
-
-    Raises
-    ------
-    SkinCalibError
-        If the last result is of another plan, the table cannot be read, or the touches do not determine a placement.
-    """
+    """Move the skins of a plan to their measured placement, from the displayed touches."""
     settings, result = link.skin_calib, result_of(link)
     touches = read_touches(settings.inspect.touches.file, result.calibration)
     plan = read_plan(link, scene)

@@ -53,15 +53,7 @@ class Subject:
 
 
 def hidden_surface(warning: Warning, plan: Any) -> int | None:
-    """Return the index of the surface that a warning names; None if the panels show it, or it names none.
-
-    Parameters
-    ----------
-    warning : Warning
-        Of the fit or of its refusal.
-    plan : SKIN_PG_link
-        The plan.
-    """
+    """Return the index of the surface that a warning names; None if the panels show it, or it names none."""
     names = surface_names(plan)
     index = names.index(warning.where.surface) if warning.where.surface in names else None
     return None if index == shown_index(plan) else index
@@ -206,17 +198,7 @@ ACTIONS: dict[str, tuple[Action, ...] | str] = {
 
 
 def offered(warning: Warning, plan: Any, metre: float) -> Iterator[tuple[Action, dict[str, Any]]]:
-    """Yield the actions that apply to a warning now, each with the properties of its operator.
-
-    Parameters
-    ----------
-    warning : Warning
-        Of the fit or of its refusal.
-    plan : SKIN_PG_link
-        The plan.
-    metre : float
-        Length of a scene unit [m].
-    """
+    """Yield the actions that apply to a warning now, each with the properties of its operator."""
     if warning.where.surface not in ("", *surface_names(plan)):
         return  # renamed or removed after the fit
     actions = ACTIONS.get(warning.code, ())
@@ -228,17 +210,7 @@ def offered(warning: Warning, plan: Any, metre: float) -> Iterator[tuple[Action,
 
 
 def give_up(link: bpy.types.Object, warning: Warning, action: Action) -> None:
-    """Do not offer an action for a warning any more: it was tried, and does not help.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    warning : Warning
-        Of its fit or of its refusal.
-    action : Action
-        One that was offered.
-    """
+    """Do not offer an action for a warning any more: it was tried, and does not help."""
     _vain.add(_trial(link, warning, action))
 
 
@@ -260,15 +232,7 @@ def mark_of(warning: Warning) -> str:
 
 
 def warning_at(link: bpy.types.Object, index: int) -> Warning | None:
-    """Return the refusal of a link's last fit, or a warning of its result.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    index : int
-        Of the warning; ``REFUSAL`` for the refusal.
-    """
+    """Return the refusal of a link's last fit, or a warning of its result."""
     if index == REFUSAL:
         report = updates.reports.get(link.name)
         return report.refusal if report else None

@@ -13,14 +13,7 @@ class Stopped(Exception):
 
 
 class Work:
-    """One computation in its own thread.
-
-    Parameters
-    ----------
-    task : function
-        The computation. Its argument is a function, which it calls with the name of each stage that starts. This call
-        raises :class:`Stopped` if the computation was stopped.
-    """
+    """One computation in its own thread."""
 
     def __init__(self, task: Callable[[Callable[[str], None]], Any]):
         self.stage = ""
@@ -52,13 +45,7 @@ class Work:
         return not self._thread.is_alive()
 
     def result(self) -> Any:
-        """Return the result, once the computation is done.
-
-        Raises
-        ------
-        Exception
-            The error of the computation: a SkinCalibError if the plan or the mesh is wrong.
-        """
+        """Return the result, once the computation is done."""
         if self._error is not None:
             raise self._error
         return self._result

@@ -42,25 +42,7 @@ _metres: dict[str, float] = {}  # length of a unit of each scene at its last upd
 
 
 def examination(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., Diagnosis]:
-    """Read the mesh of a link as it is displayed, with modifiers, and return what diagnoses it without Blender.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    context : Context
-        Of Blender.
-
-    Returns
-    -------
-    function
-        Its argument is not used. It raises :class:`InvalidMesh` if the mesh is not a surface.
-
-    Raises
-    ------
-    InvalidMesh
-        If the mesh cannot be read.
-    """
+    """Read the mesh of a link as it is displayed, with modifiers, and return what diagnoses it without Blender."""
     facets = link_meshes.read_facets(link, context)
 
     def examine(_begin: Callable[[str], None] | None = None) -> Diagnosis:
@@ -73,21 +55,7 @@ def examination(link: bpy.types.Object, context: bpy.types.Context) -> Callable[
 
 
 def trial(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., Warning]:
-    """Read plan and mesh of a link, and return what fits it without Blender: whether Fit succeeds at these settings.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    context : Context
-        Of Blender.
-
-    Returns
-    -------
-    function
-        Its argument is called with the name of each stage. It returns a note, the first warning of the fit, or the
-        error of the refusal. The cache keeps the fit.
-    """
+    """Read plan and mesh of a link, and return what fits it without Blender: whether Fit succeeds at these settings."""
     try:
         plan, facets = plans.read_plan(link, context.scene), link_meshes.read_facets(link, context)
         of_groups = empty_groups(link)
@@ -112,30 +80,14 @@ def trial(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., W
 
 
 def not_repeated(findings: Iterable[Any]) -> list[Any]:
-    """Return the findings of a check without the one that the line of the foreseen fit ends with.
-
-    Parameters
-    ----------
-    findings : iterable of Warning or SKIN_PG_warning
-        Of the mesh, and of `trial`.
-    """
+    """Return the findings of a check without the one that the line of the foreseen fit ends with."""
     found = list(findings)
     foreseen = "".join(finding.message for finding in found if finding.code == "fit")
     return [finding for finding in found if not foreseen.endswith(f". {finding.message}")]
 
 
 def store(link: bpy.types.Object, found: Diagnosis, foreseen: Warning) -> None:
-    """Write a diagnosis to the properties of the object.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    found : Diagnosis
-        Of its mesh.
-    foreseen : Warning
-        Of `trial`.
-    """
+    """Write a diagnosis to the properties of the object."""
     record = link.skin_calib.diagnosis
     record.key, record.inner, record.edges = found.mesh.sha256, found.inner, len(found.edges())
     write_warnings(record.findings, (*found.findings(), foreseen))

@@ -19,15 +19,7 @@ def listen(handlers: Handlers) -> None:
 
 
 def ignore(handlers: Handlers, timers: Iterable[Timer]) -> None:
-    """Remove the handlers, and the timers that wait.
-
-    Parameters
-    ----------
-    handlers : dict
-        As for :func:`listen`.
-    timers : iterable of function
-        As for :func:`wake`.
-    """
+    """Remove the handlers, and the timers that wait."""
     for name, handler in handlers.items():
         getattr(bpy.app.handlers, name).remove(handler)
     for timer in timers:
@@ -36,14 +28,6 @@ def ignore(handlers: Handlers, timers: Iterable[Timer]) -> None:
 
 
 def wake(timer: Timer, seconds: float = 0.0) -> None:
-    """Call a timer after a delay, if it does not wait already.
-
-    Parameters
-    ----------
-    timer : function
-        Returns the seconds to its next call, or None to end.
-    seconds : float
-        Delay [s].
-    """
+    """Call a timer after a delay, if it does not wait already."""
     if not bpy.app.timers.is_registered(timer):
         bpy.app.timers.register(timer, first_interval=seconds)

@@ -59,19 +59,7 @@ class StepCache:
     steps: dict[str, tuple[Any, Any]] = field(default_factory=dict)
 
     def step(self, name: str, given: Any, same: Callable[[Any, Any], bool], make: Callable[[], Any]) -> Any:
-        """Return the result of a step: the last one if its input is the same, else a new one.
-
-        Parameters
-        ----------
-        name : str
-            Of the step.
-        given : object
-            Input.
-        same : function
-            Returns whether two inputs are the same.
-        make : function
-            Computes the result.
-        """
+        """Return the result of a step: the last one if its input is the same, else a new one."""
         if name not in self.steps or not same(given, self.steps[name][0]):
             self.steps[name] = given, make()
         return self.steps[name][1]
@@ -104,15 +92,7 @@ class PreviewInput:
 
 
 def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
-    """Sketch the planes; if there is a plan, fit the surface and place the skins, without exact errors.
-
-    Parameters
-    ----------
-    cache : StepCache
-        Of the link.
-    given : PreviewInput
-        From the scene.
-    """
+    """Sketch the planes; if there is a plan, fit the surface and place the skins, without exact errors."""
     mesh = cache.step("mesh", given.facets, Facets.is_same, given.facets.mesh)
     plan = given.plan
     moving = {surface.name for surface in plan.surfaces if _cuts_move(cache, mesh, surface)} if plan else set()
@@ -157,11 +137,6 @@ def placed_at_once(skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
     """Return the skins that a preview has: none for whose boards a search is needed, and none with unknown channels.
 
     The search takes up to two seconds. The channels of a skin can follow those of the boards before it.
-
-    Parameters
-    ----------
-    skins : tuple of Skin
-        Of the plan.
     """
     kept, is_known = [], True
     for skin in skins:

@@ -40,17 +40,7 @@ class Sketch:
 
 
 def sketch_of(mesh: TriangleMesh, planes: HandPlanes, coarse: bool = False) -> Sketch:
-    """Cut the mesh and draw the section of each plane; the sketch is empty without planes.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        Of the link.
-    planes : HandPlanes
-        Cuts, u-planes and v-planes.
-    coarse : bool
-        Whether removed parts are drawn as those of ``coarse_mesh``, because cuts move.
-    """
+    """Cut the mesh and draw the section of each plane; the sketch is empty without planes."""
     sketch = Sketch()
     if not planes.are_there:
         return sketch

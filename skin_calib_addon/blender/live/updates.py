@@ -103,15 +103,7 @@ def held() -> str:
 
 
 def show_progress(name: str, words: str) -> None:
-    """Show in the status of an object that an operator works on it, between :func:`hold` and :func:`release`.
-
-    Parameters
-    ----------
-    name : str
-        Of the object.
-    words : str
-        What the operator does and since when.
-    """
+    """Show in the status of an object that an operator works on it, between :func:`hold` and :func:`release`."""
     if _held[name] != words:
         _held[name] = words
         drawing.redraw()
@@ -145,15 +137,7 @@ def _leave_now(name: str) -> None:
 
 
 def changed(result: Any, _context: Any) -> None:
-    """Request an update of a link whose result has become outdated. A change, or a fit, ends an earlier refusal.
-
-    Parameters
-    ----------
-    result : property group
-        Of the link.
-    _context : Context
-        Of Blender.
-    """
+    """Request an update of a link whose result has become outdated. A change, or a fit, ends an earlier refusal."""
     result.id_data.skin_calib.refusal = ""
     if result.outdated:
         result.id_data.skin_calib.diagnosis.outdated = True
@@ -161,15 +145,7 @@ def changed(result: Any, _context: Any) -> None:
 
 
 def switched(plan: Any, _context: Any) -> None:
-    """Start or stop live updates of a link.
-
-    Parameters
-    ----------
-    plan : property group
-        Of the link.
-    _context : Context
-        Of Blender.
-    """
+    """Start or stop live updates of a link."""
     forget(plan.id_data.name)
     request(plan.id_data)
 
@@ -287,15 +263,7 @@ def _use_result(job: Job) -> None:
 
 
 def refuse(link: bpy.types.Object, refusal: Warning) -> None:
-    """Report why a plan cannot be computed. The reason stays while plan and mesh are the same; the result is outdated.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    refusal : Warning
-        The error.
-    """
+    """Report why a plan cannot be computed. The reason stays while plan and mesh are the same."""
     if results.is_current(link):
         link.skin_calib.result.outdated = True  # with a new name of the object, the reason is lost, and the tick shown
     link.skin_calib.inspect.marked_place = ""  # of a warning that the refusal replaces

@@ -45,15 +45,7 @@ _cached: dict[str, tuple[Layer, ...]] = {}
 
 
 def prepare(key: str, result: Calibrated) -> Layers:
-    """Prepare a result for drawing and return its layers.
-
-    Parameters
-    ----------
-    key : str
-        Of the result.
-    result : Calibrated
-        Surface and calibration.
-    """
+    """Prepare a result for drawing and return its layers."""
     for old in [k for k in _prepared if results.find(k) is None]:
         del _prepared[old]
     if key not in _prepared:
@@ -62,15 +54,7 @@ def prepare(key: str, result: Calibrated) -> Layers:
 
 
 def cache(token: str, layers: tuple[Layer, ...]) -> None:
-    """Store layers under a token; a link whose properties contain the token shows them, also after undo.
-
-    Parameters
-    ----------
-    token : str
-        Unique name.
-    layers : tuple of Layer
-        Marks, comparisons, touches or forces.
-    """
+    """Store layers under a token; a link whose properties contain the token shows them, also after undo."""
     _cached.pop(token, None)
     _cached[token] = layers
     while len(_cached) > MAX_CACHED_LAYERS:
@@ -78,30 +62,12 @@ def cache(token: str, layers: tuple[Layer, ...]) -> None:
 
 
 def set_layers(source: str, name: str, layers: tuple[Layer, ...]) -> None:
-    """Draw layers of an object in addition to its result; they replace earlier ones of the same source.
-
-    Parameters
-    ----------
-    source : str
-        Who provides the layers.
-    name : str
-        Of the object.
-    layers : tuple of Layer
-        To be drawn.
-    """
+    """Draw layers of an object in addition to its result; they replace earlier ones of the same source."""
     additional.setdefault(source, {})[name] = layers
 
 
 def remove_layers(source: str, name: str | None = None) -> None:
-    """Remove the layers of a source, for one object or for all.
-
-    Parameters
-    ----------
-    source : str
-        Who provided the layers.
-    name : str, optional
-        Of the object.
-    """
+    """Remove the layers of a source, for one object or for all."""
     if name is None:
         additional.pop(source, None)
     else:

@@ -25,19 +25,7 @@ _stored: dict[Any, tuple[Any, list[tuple[str, float, float]]]] = {}
 
 
 def write(name: str, layer: Labels, settings: Any, frame: Any) -> None:
-    """Write the labels of an object's taxels in the region that Blender draws now.
-
-    Parameters
-    ----------
-    name : str
-        Of the object.
-    layer : Labels
-        Positions, ids and channels of its taxels.
-    settings : property group
-        Choice and size of the labels.
-    frame : Matrix
-        From metres in the link frame to the world.
-    """
+    """Write the labels of an object's taxels in the region that Blender draws now."""
     context = bpy.context
     region, view = context.region, context.region_data
     texts = layer.ids if settings.labels == "ID" else layer.channels
@@ -83,26 +71,7 @@ def _flat(matrix: Any) -> tuple[float, ...]:
 
 
 def on_screen(layer: Labels, frame: Any, view: Any, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the positions of the taxels in a region, and which of them are visible.
-
-    Parameters
-    ----------
-    layer : Labels
-        Positions and normals of the taxels.
-    frame : Matrix
-        From metres in the link frame to the world.
-    view : RegionView3D
-        Of the region.
-    size : tuple of int
-        Width and height of the region [pixels].
-
-    Returns
-    -------
-    pixels : array, shape (n, 2)
-        [pixels] from the lower left corner.
-    visible : array of bool, shape (n,)
-        Whether the taxel is in the region and faces the viewer.
-    """
+    """Return the positions of the taxels in a region, and which of them are visible."""
     to_clip = np.array(view.perspective_matrix @ frame, np.float32)
     clip = layer.points @ to_clip[:, :3].T + to_clip[:, 3]
     depth = clip[:, 3]
@@ -120,17 +89,7 @@ def on_screen(layer: Labels, frame: Any, view: Any, size: tuple[int, int]) -> tu
 
 
 def without_overlap(pixels: np.ndarray, rows: Iterable[int], size: np.ndarray) -> list[int]:
-    """Return the rows whose labels do not cover a label before them.
-
-    Parameters
-    ----------
-    pixels : array, shape (n, 2)
-        Positions of all taxels [pixels].
-    rows : iterable of int
-        Candidates, the most important ones first.
-    size : array, shape (2,)
-        Of the largest label, with its margin [pixels].
-    """
+    """Return the rows whose labels do not cover a label before them."""
     rows = np.asarray(rows, int)
     cells = pixels[rows] / size
     i, j = cells.astype(np.int64).T

@@ -110,15 +110,7 @@ class Layers:
 
 
 def layers_of(result: Any, is_preview: bool = False) -> Layers:
-    """Return all layers of a result.
-
-    Parameters
-    ----------
-    result : Calibration, or object with ``fits`` and ``placed`` skins
-        The result.
-    is_preview : bool
-        Whether the heat map of the error may be coarse.
-    """
+    """Return all layers of a result."""
     fits, taxels = tuple(result.fits.values()), AllTaxels.of([done.patch for done in result.placed])
     disabled = AllTaxels.of([done.disabled for done in result.placed if done.disabled is not None])
     return Layers(
@@ -156,20 +148,7 @@ def _sections(fit: Any) -> np.ndarray:
 
 
 def inside(fit: Any, ends: np.ndarray) -> np.ndarray:
-    """Return the parts of segments inside the boundary of the region; without a boundary, all.
-
-    Parameters
-    ----------
-    fit : SurfaceFit
-        With the region.
-    ends : array, shape (s, 2, 3)
-        Ends of the segments [m].
-
-    Returns
-    -------
-    array, shape (k, 2, 3)
-        Long segments are divided, so that they end at each loop [m].
-    """
+    """Return the parts of segments inside the boundary of the region; without a boundary, all."""
     region = fit.lines.region
     if region is None or not len(ends):
         return ends
@@ -267,19 +246,7 @@ def _uncertainty(taxels: AllTaxels) -> Layer:
 
 
 def heat_layer(what: str, taxels: AllTaxels, values: np.ndarray, legend: Legend) -> Layer:
-    """Return the cells, filled with the colours of values.
-
-    Parameters
-    ----------
-    what : str
-        Name of the layer.
-    taxels : AllTaxels
-        The cells.
-    values : array, shape (n,)
-        One for each taxel; NaN if unknown.
-    legend : Legend
-        Colours.
-    """
+    """Return the cells, filled with the colours of values."""
     points, triangles = fans(taxels)
     return Layer(what, points, heat_colours(taxels, values, legend), triangles, legend=legend)
 
@@ -303,16 +270,6 @@ def raised_corners(taxels: AllTaxels) -> np.ndarray:
 
     On a sphere of radius r the corners of a square of side a are a^2 / 4r below its middle, and the middles of its
     sides half of that below the surface. Cells are raised by the first height, and by ``CELL_LIFT``.
-
-    Parameters
-    ----------
-    taxels : AllTaxels
-        The cells.
-
-    Returns
-    -------
-    array, shape (n, k, 3)
-        [m]
     """
     below = np.einsum("nk,nk->n", taxels.positions - taxels.corners.mean(axis=1), taxels.normals)
     height = CELL_LIFT * taxels.width + np.maximum(below, 0.0)
@@ -320,17 +277,7 @@ def raised_corners(taxels: AllTaxels) -> np.ndarray:
 
 
 def heat_colours(taxels: AllTaxels, values: np.ndarray, legend: Legend) -> np.ndarray:
-    """Return colours for the points of :func:`fans`.
-
-    Parameters
-    ----------
-    taxels : AllTaxels
-        The cells.
-    values : array, shape (n,)
-        One for each taxel.
-    legend : Legend
-        Colours.
-    """
+    """Return colours for the points of :func:`fans`."""
     return np.repeat(legend.colours(values), taxels.corners.shape[1] + 1, axis=0)
 
 
@@ -338,11 +285,6 @@ def line_sections(fit: Any) -> np.ndarray:
     """Return the sections of the planes of the v-lines and the cover inside the boundary, shape (s, 2, 3) [m].
 
     Half-planes have only the sections of their side.
-
-    Parameters
-    ----------
-    fit : SurfaceFit
-        With the lines.
     """
     origins, directions = fit.lines.origins, fit.lines.directions
     fans_out = bool((origins == origins[:, :1]).all())
@@ -395,15 +337,7 @@ def labels_of(taxels: AllTaxels) -> Labels:
 
 
 def mark_of(taxels: AllTaxels, row: int) -> tuple[Layer, ...]:
-    """Return the outlines of a taxel and of its neighbours, and the taxel's normal.
-
-    Parameters
-    ----------
-    taxels : AllTaxels
-        Of the link.
-    row : int
-        Of the marked taxel.
-    """
+    """Return the outlines of a taxel and of its neighbours, and the taxel's normal."""
     corners = _closed(raised_corners(taxels))
     neighbours = [taxels.rows[name] for name in taxels.neighbours[row] if name in taxels.rows]
     tip = taxels.positions[row] + 1.5 * taxels.width * taxels.normals[row]
@@ -430,30 +364,14 @@ def maximum_of(fit: Any) -> Layer:
 
 
 def place_of(point: Any, size: float) -> Layer:
-    """Return the mark of a warning's place: three lines through the point, over everything.
-
-    Parameters
-    ----------
-    point : array, shape (3,)
-        [m], link frame.
-    size : float
-        Of the mesh [m].
-    """
+    """Return the mark of a warning's place: three lines through the point, over everything."""
     arms = MARK_SIZE * size / 2 * np.eye(3)
     lines = np.asarray(point, float) + np.stack((-arms, arms), axis=1)
     return Layer("PLACE", _single(lines), colour=PINK, width=4.0, on_top=True)
 
 
 def comparison_of(taxels: AllTaxels, found: Comparison) -> tuple[Layer, ...]:
-    """Return lines from each taxel to its own in the file, and the outline of the taxel with the largest distance.
-
-    Parameters
-    ----------
-    taxels : AllTaxels
-        Of the link.
-    found : Comparison
-        With the taxels of the file.
-    """
+    """Return lines from each taxel to its own in the file, and the outline of the taxel with the largest distance."""
     farthest = taxels.rows[found.worst]
     return (
         Layer("COMPARED", _single(found.ends), colour=(1.0, 0.25, 0.9, 1.0), width=3.0),
@@ -480,15 +398,7 @@ def touches_of(found: Sequence[Placement]) -> tuple[Layer, ...]:
 
 
 def replay_lines(taxels: AllTaxels, frame: Frame) -> tuple[Layer, ...]:
-    """Return the lines of a frame of a recording: contacts with positions, CoP and supporting polygons.
-
-    Parameters
-    ----------
-    taxels : AllTaxels
-        Of the link.
-    frame : Frame
-        Of the runtime.
-    """
+    """Return the lines of a frame of a recording: contacts with positions, CoP and supporting polygons."""
     layers = [
         Layer(
             "CONTACTS",

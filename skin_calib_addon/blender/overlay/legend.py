@@ -37,15 +37,7 @@ class LegendArea:
         self.left, self.low = MARGIN * self.pixel + right, MARGIN * self.pixel + top
 
     def draw(self, legend: Legend, link: str) -> None:
-        """Draw a legend, and move to the right of it.
-
-        Parameters
-        ----------
-        legend : Legend
-            Title, unit and colours.
-        link : str
-            Name of the link, and of which fit it is, above the title.
-        """
+        """Draw a legend, and move to the right of it."""
         height = 3 * LINE_HEIGHT + BAR_SIZE[1] + (LINE_HEIGHT if legend.note else 0)
         numbers, unit = written(np.linspace(legend.minimum, legend.maximum, TICKS).tolist(), legend.kind, _units(self))
         if legend.exceeded:

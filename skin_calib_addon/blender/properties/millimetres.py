@@ -19,13 +19,7 @@ STEP = 10  # [0.01 mm] change of a length by a click on the arrow of its field
 
 
 def millimetres_of(properties: dict[str, Any]) -> dict[str, Any]:
-    """Return for each length among some properties one that has it in millimetres, and no value of its own.
-
-    Parameters
-    ----------
-    properties : dict of str to property
-        By name, before their registration.
-    """
+    """Return for each length among some properties one that has it in millimetres, and no value of its own."""
     lengths = {name: found for name, found in properties.items() if found.keywords.get("unit") == "LENGTH"}
     return {name + SUFFIX: _in_millimetres(name, length) for name, length in lengths.items()}
 
@@ -37,15 +31,7 @@ def with_millimetres(group: type) -> type:
 
 
 def shown(group: Any, name: str) -> str:
-    """Return the name of the property that a panel shows: of a length, the one in millimetres.
-
-    Parameters
-    ----------
-    group : PropertyGroup
-        Has the property.
-    name : str
-        Of the property.
-    """
+    """Return the name of the property that a panel shows: of a length, the one in millimetres."""
     return name + SUFFIX if name + SUFFIX in group.bl_rna.properties else name
 
 

@@ -5,15 +5,7 @@ from typing import Any
 
 
 def outdate(group: Any, _context: Any) -> None:
-    """Mark the result of a link as outdated, because its plan has changed.
-
-    Parameters
-    ----------
-    group : PropertyGroup
-        The group that has changed; its object is the link.
-    _context : Context
-        Not used; Blender calls with it.
-    """
+    """Mark the result of a link as outdated, because its plan has changed."""
     group.id_data.skin_calib.result.outdated = True
 
 

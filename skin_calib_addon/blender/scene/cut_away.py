@@ -22,13 +22,7 @@ def modifier_of(link: bpy.types.Object) -> bpy.types.Modifier | None:
 
 
 def selected(link: bpy.types.Object) -> BoolArray:
-    """Return which faces are selected and not cut away yet, shape (f,), of an object in Object Mode.
-
-    Raises
-    ------
-    InvalidMesh
-        If no such face is selected, or no face would be left.
-    """
+    """Return which faces are selected and not cut away yet, shape (f,), of an object in Object Mode."""
     chosen = np.zeros(len(link.data.polygons), bool)
     link.data.polygons.foreach_get("select", chosen)
     removed = _marked(link)
@@ -40,15 +34,7 @@ def selected(link: bpy.types.Object) -> BoolArray:
 
 
 def cut(link: bpy.types.Object, chosen: BoolArray) -> None:
-    """Cut faces away from an object in Object Mode, in addition to those before.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    chosen : array of bool, shape (f,)
-        Which faces of the mesh without modifiers are cut away.
-    """
+    """Cut faces away from an object in Object Mode, in addition to those before."""
     data, removed, modifier = link.data, _marked(link), modifier_of(link)
     mark = modifier.node_group[OURS] if modifier else MARK
     if mark in _marks_of_others(link) or not _can_mark(data.attributes.get(mark)):

@@ -10,53 +10,15 @@ def exact(value: float, unit: float = 1.0) -> float:
     """Return the shortest decimal that a single-precision property can be, times a unit.
 
     0.0045 typed is 0.0045, not 0.00449999981; 4.9 mm are 0.0049 m, not 0.004900000000000001.
-
-    Parameters
-    ----------
-    value : float
-        Of a single-precision property.
-    unit : float, optional
-        Factor, such as the length of a scene unit [m].
-
-    Returns
-    -------
-    float
-        With at most nine significant digits.
     """
     return float(f"{float(str(np.float32(value))) * unit:.9g}")
 
 
 def vector(values: Iterable[float], metre: float = 1.0) -> list[float]:
-    """Return the shortest decimals that properties can be, times a unit.
-
-    Parameters
-    ----------
-    values : iterable of float, length k
-        Of a single-precision property.
-    metre : float, optional
-        Length of a scene unit [m]; 1 for numbers that are not lengths.
-
-    Returns
-    -------
-    list of float, length k
-        [m] for lengths.
-    """
+    """Return the shortest decimals that properties can be, times a unit."""
     return [exact(x, metre) for x in values]
 
 
 def in_units(lengths: Iterable[float], metre: float) -> list[float]:
-    """Convert lengths to scene units.
-
-    Parameters
-    ----------
-    lengths : iterable of float, length k
-        [m]
-    metre : float
-        Length of a scene unit [m].
-
-    Returns
-    -------
-    list of float, length k
-        In scene units.
-    """
+    """Convert lengths to scene units."""
     return [x / metre for x in lengths]

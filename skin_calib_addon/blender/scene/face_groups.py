@@ -22,24 +22,6 @@ def group_triangles(link: bpy.types.Object, group: str) -> Array:
     """Return the triangles of the faces whose vertices are all in a vertex group, shape (t, 3, 3) [m], link frame.
 
     The mesh is that with the modifiers, as for a fit: a modifier that mirrors faces mirrors their group.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    group : str
-        Name of the vertex group.
-
-    Returns
-    -------
-    array, shape (t, 3, 3)
-
-    Raises
-    ------
-    InvalidPlan
-        If the link has no such group, or its modifiers remove it.
-    InvalidMesh
-        As :func:`read_facets`.
     """
     if group not in link.vertex_groups:
         raise InvalidPlan(f"{link.name} has no vertex group {group!r}. Choose another one, or empty the field.")
@@ -67,21 +49,7 @@ def _vertices_of(link: bpy.types.Object, group: str) -> BoolArray:
 
 
 def triangles_of(link: bpy.types.Object, metre: float, chosen: BoolArray) -> Array:
-    """Return the triangles of some faces of the mesh without modifiers, shape (t, 3, 3) [m], link frame.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    metre : float
-        Length of a scene unit [m].
-    chosen : array of bool, shape (f,)
-        The faces.
-
-    Returns
-    -------
-    array, shape (t, 3, 3)
-    """
+    """Return the triangles of some faces of the mesh without modifiers, shape (t, 3, 3) [m], link frame."""
     data = link.data
     data.calc_loop_triangles()
     corners, owners = np.empty(3 * len(data.loop_triangles), np.int32), np.empty(len(data.loop_triangles), np.int32)
@@ -95,25 +63,7 @@ def triangles_of(link: bpy.types.Object, metre: float, chosen: BoolArray) -> Arr
 
 
 def zones_of(link: bpy.types.Object, group: str) -> tuple[Zone, ...]:
-    """Return the excluded zones that cover the faces of a vertex group; none if it has no complete face.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    group : str
-        Name of the vertex group.
-
-    Returns
-    -------
-    tuple of Zone
-        In metres in the link frame.
-
-    Raises
-    ------
-    InvalidPlan, InvalidMesh
-        As :func:`group_triangles`.
-    """
+    """Return the excluded zones that cover the faces of a vertex group; none if it has no complete face."""
     triangles = group_triangles(link, group)
     return _zones_over(triangles.tobytes()) if len(triangles) else ()
 
@@ -125,43 +75,12 @@ def _zones_over(triangles: bytes) -> tuple[Zone, ...]:
 
 
 def groups_of(link: bpy.types.Object) -> tuple[tuple[Zone, ...], ...]:
-    """Return the zones of the vertex groups of all boards of a link, to see whether one has changed.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-
-    Returns
-    -------
-    tuple of tuple of Zone
-        In metres in the link frame.
-
-    Raises
-    ------
-    InvalidPlan, InvalidMesh
-        As :func:`group_triangles`.
-    """
+    """Return the zones of the vertex groups of all boards of a link, to see whether one has changed."""
     return tuple(zones_of(link, skin.zone_group) for skin in _with_groups(link))
 
 
 def empty_groups(link: bpy.types.Object) -> tuple[Warning, ...]:
-    """Return a warning for each vertex group that boards stay off, and that has no complete face.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-
-    Returns
-    -------
-    tuple of Warning
-
-    Raises
-    ------
-    InvalidPlan, InvalidMesh
-        As :func:`group_triangles`.
-    """
+    """Return a warning for each vertex group that boards stay off, and that has no complete face."""
     return tuple(
         Warning(
             "empty-group",

@@ -39,13 +39,7 @@ class Facets:
         return points, faces
 
     def welded(self) -> TriangleMesh:
-        """Return the mesh in metres in the link frame, of any size.
-
-        Raises
-        ------
-        InvalidMesh
-            If it has no faces, or a vertex is not finite.
-        """
+        """Return the mesh in metres in the link frame, of any size."""
         try:
             return weld(*self.triangles())
         except InvalidMesh as error:
@@ -60,13 +54,7 @@ class Facets:
             return ""
 
     def mesh(self) -> TriangleMesh:
-        """Return the same mesh, which must have the size of a link.
-
-        Raises
-        ------
-        InvalidMesh
-            As :meth:`welded`; or if its size says that the unit is wrong.
-        """
+        """Return the same mesh, which must have the size of a link."""
         mesh = self.welded()
         if not MIN_MESH_SIZE <= mesh.size <= MAX_MESH_SIZE:
             raise InvalidMesh(

@@ -24,75 +24,19 @@ OWN = ("mesh", "group", "grid", "skins", "response")
 
 
 def read(record: Record, group: Any, metre: float, where: tuple[str, ...] = ()) -> Any:
-    """Return the frozen record in a group of properties.
-
-    Parameters
-    ----------
-    record : Record
-        Keys of the group, and the type to return.
-    group : PropertyGroup
-        In scene units.
-    metre : float
-        Length of a scene unit [m].
-    where : tuple of str, optional
-        Names in the window that lead to the group, for messages.
-
-    Returns
-    -------
-    frozen record
-        In metres and radians, of the type that ``record`` makes.
-
-    Raises
-    ------
-    InvalidPlan
-        If a value is beyond its limits; the message names it as the window does.
-    """
+    """Return the frozen record in a group of properties."""
     return record.made({key.path: read_key(key, group, metre, where) for key in record.keys if key.path})
 
 
 def write(record: Record, value: Any, group: Any, metre: float) -> None:
-    """Set a group of properties from a frozen record.
-
-    Parameters
-    ----------
-    record : Record
-        Keys of the group.
-    value : frozen record
-        In metres and radians, of the type that ``record`` makes.
-    group : PropertyGroup
-        Set in scene units.
-    metre : float
-        Length of a scene unit [m].
-    """
+    """Set a group of properties from a frozen record."""
     for key in record.keys:
         if key.path:
             write_key(key, group, attrgetter(key.path)(value), metre)
 
 
 def read_key(key: Key, group: Any, metre: float, where: tuple[str, ...] = ()) -> Any:
-    """Return the Python value of a key from its properties.
-
-    Parameters
-    ----------
-    key : Key
-        Of the plan file.
-    group : PropertyGroup
-        Has the properties, in scene units.
-    metre : float
-        Length of a scene unit [m].
-    where : tuple of str, optional
-        Names in the window that lead to the group, for messages.
-
-    Returns
-    -------
-    value of the type of the key
-        In metres and radians.
-
-    Raises
-    ------
-    InvalidPlan
-        If a value is beyond its limits; the message names it as the window does.
-    """
+    """Return the Python value of a key from its properties."""
     if has_default(key, group):
         return key.default
     value = _value(key, group, metre, where)
@@ -103,19 +47,7 @@ def read_key(key: Key, group: Any, metre: float, where: tuple[str, ...] = ()) ->
 
 
 def has_default(key: Key, group: Any) -> bool:
-    """Return whether the properties of a key stand for its default, whatever the value next to them is.
-
-    Parameters
-    ----------
-    key : Key
-        Of the plan file.
-    group : PropertyGroup
-        Has the properties.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether the properties of a key stand for its default, whatever the value next to them is."""
     if key.empty is not None and getattr(group, key.property_name) == key.empty:
         return True
     if key.switch is None or key.is_required:
@@ -124,22 +56,7 @@ def has_default(key: Key, group: Any) -> bool:
 
 
 def refusal(key: Key, wrong: str, where: tuple[str, ...]) -> InvalidPlan:
-    """Return the error about the value of a key, in words of the window.
-
-    Parameters
-    ----------
-    key : Key
-        Whose value is wrong.
-    wrong : str
-        What is wrong: the end of the sentence, without a full stop.
-    where : tuple of str
-        Names in the window that lead to the group, for messages.
-
-    Returns
-    -------
-    InvalidPlan
-        To be raised by the caller.
-    """
+    """Return the error about the value of a key, in words of the window."""
     label = key.labels[0] if key.type.kind == "cells" else key.label
     return InvalidPlan(f"{', '.join((*where, label))}: {wrong}.")
 
@@ -179,19 +96,7 @@ def _cells(key: Key, text: str, where: tuple[str, ...]) -> tuple[tuple[int, int]
 
 
 def write_key(key: Key, group: Any, value: Any, metre: float) -> None:
-    """Set the properties of a key from its Python value; Blender keeps seven digits.
-
-    Parameters
-    ----------
-    key : Key
-        Of the plan file.
-    group : PropertyGroup
-        Has the properties; set in scene units.
-    value : value of the type of the key
-        In metres and radians.
-    metre : float
-        Length of a scene unit [m].
-    """
+    """Set the properties of a key from its Python value; Blender keeps seven digits."""
     is_default = not key.is_required and _same(value, key.default)
     if key.switch is not None:
         setattr(group, key.switch.name, is_default == key.switch.means_default)
@@ -222,17 +127,7 @@ def write_key(key: Key, group: Any, value: Any, metre: float) -> None:
 
 
 def write_first(record: Record, group: Any, metre: float) -> None:
-    """Set the lengths of a new group to those of a new entry, which depend on the unit of the scene.
-
-    Parameters
-    ----------
-    record : Record
-        Keys of the group.
-    group : PropertyGroup
-        A new group; set in scene units.
-    metre : float
-        Length of a scene unit [m].
-    """
+    """Set the lengths of a new group to those of a new entry, which depend on the unit of the scene."""
     for key in record.keys:
         if key.type.is_length and key.type.record is None and key.shown_first is not None:
             setattr(group, key.property_name, _scaled(key.shown_first, metre))
@@ -252,13 +147,7 @@ def _cuts(planes: Planes) -> tuple[Cut, ...]:
 
 
 def read_cells(text: str) -> tuple[tuple[int, int], ...]:
-    """Return axial coordinates written as "0,0 1,0 0,1".
-
-    Raises
-    ------
-    InvalidPlan
-        Names the word that is not a cell.
-    """
+    """Return axial coordinates written as "0,0 1,0 0,1"."""
     cells = []
     for word in re.sub(r"\s*,\s*", ",", text).split():
         found = CELL.fullmatch(word)

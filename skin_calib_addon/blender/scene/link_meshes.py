@@ -24,50 +24,12 @@ MAX_FRAME_DEVIATION = 1e-4
 
 
 def read_mesh(link: bpy.types.Object, context: bpy.types.Context) -> TriangleMesh:
-    """Return the object's mesh with its modifiers, in metres in the link frame.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    context : Context
-        Has the evaluated scene.
-
-    Returns
-    -------
-    TriangleMesh
-        In metres in the link frame.
-
-    Raises
-    ------
-    InvalidMesh
-        As :func:`read_facets` and :meth:`Facets.mesh`.
-    """
+    """Return the object's mesh with its modifiers, in metres in the link frame."""
     return read_facets(link, context).mesh()
 
 
 def read_facets(link: bpy.types.Object, context: bpy.types.Context, before: Facets | None = None) -> Facets:
-    """Return the object's triangles with its modifiers, and their transformation into the link frame.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    context : Context
-        Has the evaluated scene.
-    before : Facets, optional
-        Of the same object. They are returned if nothing has changed: triangles take most of the time.
-
-    Returns
-    -------
-    Facets
-        Vertices in the axes and units of the object.
-
-    Raises
-    ------
-    InvalidMesh
-        If the object is disabled, so that its modifiers are not evaluated, or its parent's scale is not uniform.
-    """
+    """Return the object's triangles with its modifiers, and their transformation into the link frame."""
     evaluated = link.evaluated_get(context.evaluated_depsgraph_get())
     if not evaluated.is_evaluated and link.modifiers:
         raise InvalidMesh(f"{link.name} is disabled in the viewport, so its modifiers are not evaluated. Enable it.")
@@ -93,24 +55,7 @@ def read_facets(link: bpy.types.Object, context: bpy.types.Context, before: Face
 
 
 def read_placement(link: bpy.types.Object, metre: float) -> Array:
-    """Return the transformation of the object's own axes and units into the link frame, shape (3, 4) [m].
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    metre : float
-        Length of a scene unit [m].
-
-    Returns
-    -------
-    array, shape (3, 4)
-
-    Raises
-    ------
-    InvalidMesh
-        If the scale of the object's parent is not uniform.
-    """
+    """Return the transformation of the object's own axes and units into the link frame, shape (3, 4) [m]."""
     unit = metre * _scale(link)
     return np.array([vector(row, unit) for row in _local(link)[:3]])
 
@@ -119,25 +64,6 @@ def read_edges(link: bpy.types.Object, context: bpy.types.Context) -> tuple[Arra
     """Return vertices and edges of the object without its modifiers.
 
     A vertex that no modifier moves has exactly the coordinates of :func:`read_facets`.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    context : Context
-        Has the evaluated scene.
-
-    Returns
-    -------
-    vertices : array, shape (v, 3)
-        [m], link frame.
-    edges : array of int, shape (e, 2)
-        Indices of vertices.
-
-    Raises
-    ------
-    InvalidMesh
-        As :func:`read_facets`.
     """
     vertices = np.empty(len(link.data.vertices) * 3, np.float32)
     link.data.vertices.foreach_get("co", vertices)

@@ -18,15 +18,7 @@ def links(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 
 def namesakes(link: bpy.types.Object, scene: bpy.types.Scene) -> list[str]:
-    """Return the names of the other objects with the same link name, such as copies.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    scene : Scene
-        Has the other objects.
-    """
+    """Return the names of the other objects with the same link name, such as copies."""
     name = link.skin_calib.link
     return [o.name for o in scene.objects if name and o != link and o.type == "MESH" and o.skin_calib.link == name]
 
@@ -40,11 +32,6 @@ def in_scene(link: bpy.types.Object) -> AbstractContextManager[Any]:
     """Make the scene of an object the one of the context, with the view layer of a window that shows it.
 
     A timer has the scene of any window. In another one, the object has no modifiers and can have another unit.
-
-    Parameters
-    ----------
-    link : Object
-        The object; in the scene of the context already, or in none, it changes nothing.
     """
     context, scenes = bpy.context, link.users_scene
     if not scenes or context.scene in scenes:
@@ -55,24 +42,7 @@ def in_scene(link: bpy.types.Object) -> AbstractContextManager[Any]:
 
 
 def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: str) -> bpy.types.Object:
-    """Return a new object for a mesh; its data keeps the numbers, and its scale converts their unit.
-
-    Parameters
-    ----------
-    context : Context
-        Has the scene.
-    mesh : TriangleMesh
-        In ``unit``.
-    unit : "m", "cm", "mm" or "in"
-        Of the numbers in the mesh.
-    name : str
-        Of the object and its data.
-
-    Returns
-    -------
-    Object
-        Linked to the collection of the scene.
-    """
+    """Return a new object for a mesh; its data keeps the numbers, and its scale converts their unit."""
     data = bpy.data.meshes.new(name)
     data.vertices.add(len(mesh.vertices))  # as from_pydata, which is slow for a million faces
     data.vertices.foreach_set("co", mesh.vertices.astype(np.float32).ravel())
@@ -90,15 +60,7 @@ def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: st
 
 
 def activate(context: bpy.types.Context, link: bpy.types.Object) -> None:
-    """Make an object the active and only selected one, in Object Mode.
-
-    Parameters
-    ----------
-    context : Context
-        Has the view layer.
-    link : Object
-        The object to activate.
-    """
+    """Make an object the active and only selected one, in Object Mode."""
     if context.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
     for other in context.selected_objects:
@@ -108,54 +70,17 @@ def activate(context: bpy.types.Context, link: bpy.types.Object) -> None:
 
 
 def longest_side(link: bpy.types.Object, scene: bpy.types.Scene) -> float:
-    """Return the longest side of the object's box in the scene, from Blender's cache.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    scene : Scene
-        Its unit settings give the length of a scene unit.
-
-    Returns
-    -------
-    float
-        [m]
-    """
+    """Return the longest side of the object's box in the scene, from Blender's cache."""
     return max(link.dimensions) * metres_per_unit(scene)
 
 
 def why_no_link(context: bpy.types.Context, named: bool = True) -> str:
-    """Return why the active object is not an editable link, and what to do; empty if it is one.
-
-    Parameters
-    ----------
-    context : Context
-        Has the active object.
-    named : bool, optional
-        Whether the link must have a name.
-
-    Returns
-    -------
-    str
-    """
+    """Return why the active object is not an editable link, and what to do; empty if it is one."""
     return why_not(context.object, named)
 
 
 def why_not(link: bpy.types.Object | None, named: bool = True) -> str:
-    """Return why an object is not an editable link, and what to do; empty if it is one.
-
-    Parameters
-    ----------
-    link : Object or None
-        The object; None if no object is active.
-    named : bool, optional
-        Whether the link must have a name.
-
-    Returns
-    -------
-    str
-    """
+    """Return why an object is not an editable link, and what to do; empty if it is one."""
     if link is None or link.type != "MESH":
         return "Select the mesh object of a link"
     if link.library or link.override_library:

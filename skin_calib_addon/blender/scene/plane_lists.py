@@ -38,20 +38,7 @@ class HandPlanes:
 
 
 def read_hand_planes(link: bpy.types.Object, scene: bpy.types.Scene) -> HandPlanes:
-    """Return the planes that were placed one by one, valid or not: cuts, and those of a grid of such planes.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    scene : Scene
-        Its unit settings give the length of a scene unit.
-
-    Returns
-    -------
-    HandPlanes
-        In metres in the link frame; normals as they are written, of any length.
-    """
+    """Return the planes that were placed one by one, valid or not: cuts, and those of a grid of such planes."""
     settings, metre = link.skin_calib, metres_per_unit(scene)
     is_by_hand = settings.grid.kind == "planes"
     families = {
@@ -70,22 +57,7 @@ def read_hand_planes(link: bpy.types.Object, scene: bpy.types.Scene) -> HandPlan
 
 
 def read_planes(grid: Any, family: str, scene: bpy.types.Scene) -> Planes | None:
-    """Return the "u" or "v" planes of a grid.
-
-    Parameters
-    ----------
-    grid : SKIN_PG_grid
-        Properties of the grid.
-    family : "u" or "v"
-        Which list.
-    scene : Scene
-        Its unit settings give the length of a scene unit.
-
-    Returns
-    -------
-    Planes or None
-        In metres in the link frame; None if the list is empty.
-    """
+    """Return the "u" or "v" planes of a grid."""
     metre, listed = metres_per_unit(scene), getattr(grid, family)
     if not listed:
         return None
@@ -95,19 +67,7 @@ def read_planes(grid: Any, family: str, scene: bpy.types.Scene) -> Planes | None
 
 
 def write_planes(grid: Any, family: str, planes: Planes, scene: bpy.types.Scene) -> None:
-    """Replace the "u" or "v" planes of a grid.
-
-    Parameters
-    ----------
-    grid : SKIN_PG_grid
-        Properties of the grid.
-    family : "u" or "v"
-        Which list.
-    planes : Planes
-        In metres in the link frame.
-    scene : Scene
-        Its unit settings give the length of a scene unit.
-    """
+    """Replace the "u" or "v" planes of a grid."""
     listed = getattr(grid, family)
     listed.clear()
     for point, normal in zip(planes.points, planes.normals):
@@ -115,17 +75,5 @@ def write_planes(grid: Any, family: str, planes: Planes, scene: bpy.types.Scene)
 
 
 def set_plane(item: Any, point: Array, normal: Array, scene: bpy.types.Scene) -> None:
-    """Set one plane of a list.
-
-    Parameters
-    ----------
-    item : SKIN_PG_plane
-        Entry of the list.
-    point : array, shape (3,)
-        Of the plane [m], link frame.
-    normal : array, shape (3,)
-        Of any length, link frame.
-    scene : Scene
-        Its unit settings give the length of a scene unit.
-    """
+    """Set one plane of a list."""
     item.point, item.normal = in_units(point, metres_per_unit(scene)), normal

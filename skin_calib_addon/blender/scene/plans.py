@@ -33,25 +33,7 @@ LARGEST_NUMBER, LARGEST_COUNT = 3e38, 2**31 - 1
 
 
 def read_plan(link: bpy.types.Object, scene: bpy.types.Scene) -> Plan:
-    """Return the plan in an object's properties; its mesh has a name there, and is not read.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    scene : Scene
-        Its unit settings give the length of a scene unit.
-
-    Returns
-    -------
-    Plan
-        In metres in the link frame.
-
-    Raises
-    ------
-    InvalidPlan
-        If a value is beyond its limits, or members contradict each other; names them as the window does.
-    """
+    """Return the plan in an object's properties; its mesh has a name there, and is not read."""
     settings, metre = link.skin_calib, metres_per_unit(scene)
     extra = json.loads(settings.extra or "{}")
     try:
@@ -75,15 +57,6 @@ def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, plan: Plan) -> No
     """Set an object's properties from a plan that :func:`check_numbers` accepts; the mesh stays as it is.
 
     Blender keeps seven digits; a number with more is rounded.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    scene : Scene
-        Its unit settings give the length of a scene unit.
-    plan : Plan
-        In metres in the link frame. Files of skins have absolute paths, or paths from the current folder.
     """
     settings, metre = link.skin_calib, metres_per_unit(scene)
     write_key(LINK, settings, plan.link, metre)
@@ -105,20 +78,7 @@ def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, plan: Plan) -> No
 
 
 def is_kept(plan: Plan, kept: Plan) -> bool:
-    """Return whether properties have all numbers of a plan whose digits they can round.
-
-    Parameters
-    ----------
-    plan : Plan
-        That was written to the properties.
-    kept : Plan
-        That was read from them.
-
-    Returns
-    -------
-    bool
-        Whether cover, grid, skins and response are equal.
-    """
+    """Return whether properties have all numbers of a plan whose digits they can round."""
     skins = seen_from(Path(), plan.skins), seen_from(Path(), kept.skins)
     surfaces = ([(s.cover, s.grid) for s in each.surfaces] for each in (plan, kept))
     return skins[0] == skins[1] and plan.response == kept.response and next(surfaces) == next(surfaces)
@@ -130,67 +90,18 @@ def is_simple(key: Key) -> bool:
 
 
 def read_surfaces(settings: Any, metre: float) -> tuple[Surface, ...]:
-    """Return the surfaces of a link: the one in its properties, and the others, which are kept as JSON.
-
-    Parameters
-    ----------
-    settings : SKIN_PG_link
-        In scene units in the link frame.
-    metre : float
-        Length of a scene unit [m].
-
-    Returns
-    -------
-    tuple of Surface
-        In metres in the link frame, in the order of the plan.
-
-    Raises
-    ------
-    InvalidPlan
-        If a value is beyond its limits; the message names it as the window does.
-    """
+    """Return the surfaces of a link: the one in its properties, and the others, which are kept as JSON."""
     kept = _kept(settings.other_surfaces)
     return tuple(_shown(settings, metre) if other is None else read_document(SURFACE, other) for other in kept)
 
 
 def other_surface(settings: Any, index: int) -> Surface:
-    """Return a surface that the properties of a link do not have.
-
-    Parameters
-    ----------
-    settings : SKIN_PG_link
-        The plan.
-    index : int
-        Of the surface in the plan.
-
-    Returns
-    -------
-    Surface
-        In metres in the link frame.
-    """
+    """Return a surface that the properties of a link do not have."""
     return read_document(SURFACE, _kept(settings.other_surfaces)[index])
 
 
 def shown_surface(link: bpy.types.Object, scene: bpy.types.Scene) -> Surface:
-    """Return the surface that the properties of an object have.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    scene : Scene
-        Its unit settings give the length of a scene unit.
-
-    Returns
-    -------
-    Surface
-        In metres in the link frame.
-
-    Raises
-    ------
-    InvalidPlan
-        As :func:`read_plan`.
-    """
+    """Return the surface that the properties of an object have."""
     return read_plan(link, scene).surfaces[shown_index(link.skin_calib)]
 
 
@@ -218,19 +129,7 @@ def _shown(settings: Any, metre: float) -> Surface:
 
 
 def write_surfaces(settings: Any, surfaces: Sequence[Surface], shown: int, metre: float) -> None:
-    """Set the properties of a link to one surface, and keep the others as JSON.
-
-    Parameters
-    ----------
-    settings : SKIN_PG_link
-        Set in scene units.
-    surfaces : sequence of Surface
-        In metres in the link frame, in the order of the plan.
-    shown : int
-        Which of them the properties have.
-    metre : float
-        Length of a scene unit [m].
-    """
+    """Set the properties of a link to one surface, and keep the others as JSON."""
     surface = surfaces[shown]
     for key in SURFACE.keys:
         if is_simple(key):
@@ -242,25 +141,7 @@ def write_surfaces(settings: Any, surfaces: Sequence[Surface], shown: int, metre
 
 
 def read_grid(group: Any, metre: float) -> Grid | PlanesGrid:
-    """Return the grid in a group of properties.
-
-    Parameters
-    ----------
-    group : SKIN_PG_grid
-        In scene units in the link frame.
-    metre : float
-        Length of a scene unit [m].
-
-    Returns
-    -------
-    Grid or PlanesGrid
-        In metres in the link frame.
-
-    Raises
-    ------
-    InvalidPlan
-        If a value is beyond its limits; the message names it as the window does.
-    """
+    """Return the grid in a group of properties."""
     grid: Grid | PlanesGrid = read(record_of(group), group, metre)
     return without_axis_point(grid) if group.kind == "across" else grid
 
@@ -271,17 +152,7 @@ def record_of(group: Any) -> Record:
 
 
 def write_grid(group: Any, grid: Grid | PlanesGrid, metre: float) -> None:
-    """Set a group of properties from a grid.
-
-    Parameters
-    ----------
-    group : SKIN_PG_grid
-        Set in scene units.
-    grid : Grid or PlanesGrid
-        In metres in the link frame.
-    metre : float
-        Length of a scene unit [m].
-    """
+    """Set a group of properties from a grid."""
     group.kind, region = grid_kind(grid)
     if region:
         group.region = region
@@ -299,20 +170,7 @@ def _read_response(settings: Any, kept: Any) -> AnyResponse:
 
 
 def check_numbers(plan: Plan, metre: float = 1.0) -> None:
-    """Refuse a plan with a number that is too large for Blender's properties, or not finite.
-
-    Parameters
-    ----------
-    plan : Plan
-        In metres in the link frame.
-    metre : float, optional
-        Length of a scene unit [m].
-
-    Raises
-    ------
-    InvalidPlan
-        Names the number.
-    """
+    """Refuse a plan with a number that is too large for Blender's properties, or not finite."""
     for number in numbers_of(plan):
         largest = LARGEST_COUNT if isinstance(number, int) else LARGEST_NUMBER * min(metre, 1.0)
         if not abs(number) <= largest:

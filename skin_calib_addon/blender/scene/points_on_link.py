@@ -9,31 +9,12 @@ from .link_meshes import link_frame
 
 
 def cursor_on(link: bpy.types.Object, scene: bpy.types.Scene) -> Vector:
-    """Return the 3D cursor in the link frame.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    scene : Scene
-        Has the cursor.
-
-    Returns
-    -------
-    Vector, length 3
-        Link frame, in scene units.
-    """
+    """Return the 3D cursor in the link frame."""
     return link_frame(link).inverted() @ scene.cursor.location
 
 
 def check_seen(link: bpy.types.Object) -> None:
-    """Refuse an object that rays do not hit.
-
-    Raises
-    ------
-    InvalidMesh
-        Says how to make it visible.
-    """
+    """Refuse an object that rays do not hit."""
     if link.mode == "EDIT":
         raise InvalidMesh(f"{link.name} is in Edit Mode. Leave Edit Mode to click on it.")
     if not link.visible_get():
@@ -41,24 +22,7 @@ def check_seen(link: bpy.types.Object) -> None:
 
 
 def point_on(link: bpy.types.Object, depsgraph: bpy.types.Depsgraph, start: Vector, direction: Vector) -> Vector | None:
-    """Return where a ray first hits the object.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    depsgraph : Depsgraph
-        Evaluates the modifiers of the object.
-    start : Vector, length 3
-        Of the ray, in the world, in scene units.
-    direction : Vector, length 3
-        Of the ray, in the world, of any length.
-
-    Returns
-    -------
-    Vector of length 3, or None
-        Link frame, in scene units; None if the ray misses.
-    """
+    """Return where a ray first hits the object."""
     met = met_by(link, depsgraph, start, direction)
     return met[0] if met else None
 
@@ -66,26 +30,7 @@ def point_on(link: bpy.types.Object, depsgraph: bpy.types.Depsgraph, start: Vect
 def met_by(
     link: bpy.types.Object, depsgraph: bpy.types.Depsgraph, start: Vector, direction: Vector
 ) -> tuple[Vector, Vector] | None:
-    """Return where a ray first hits the object, and the unit normal of the face there.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    depsgraph : Depsgraph
-        Evaluates the modifiers of the object.
-    start : Vector, length 3
-        Of the ray, in the world, in scene units.
-    direction : Vector, length 3
-        Of the ray, in the world, of any length.
-
-    Returns
-    -------
-    point : Vector, length 3
-        Link frame, in scene units.
-    normal : Vector, length 3
-        Link frame, unit length, on the side of the start of the ray. None instead of the pair if the ray misses.
-    """
+    """Return where a ray first hits the object, and the unit normal of the face there."""
     to_world, to_frame = link.matrix_world, link_frame(link).inverted()
     local = to_world.inverted_safe()
     met, point, normal, _ = link.evaluated_get(depsgraph).ray_cast(local @ start, local.to_3x3() @ direction)

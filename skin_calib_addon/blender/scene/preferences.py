@@ -21,15 +21,7 @@ COLOURS = {
 
 
 def redraw(_preferences: Any, context: bpy.types.Context) -> None:
-    """Draw the views again.
-
-    Parameters
-    ----------
-    _preferences : SKIN_AP_preferences
-        Not used; Blender calls with it.
-    context : Context
-        Has the windows.
-    """
+    """Draw the views again."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             area.tag_redraw()

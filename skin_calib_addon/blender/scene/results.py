@@ -32,15 +32,7 @@ _lock = Lock()  # fits run in other threads
 
 
 def key_of(plan: Plan, sha256: str) -> str:
-    """Return the key of a result: a hash of all its input. Names of mesh files are not part of it.
-
-    Parameters
-    ----------
-    plan : Plan
-        Of the link.
-    sha256 : str
-        Of its mesh.
-    """
+    """Return the key of a result: a hash of all its input. Names of mesh files are not part of it."""
     files = [file_hash(path) for path in taxel_files(plan)]
     content = json.dumps((plan_document(plan) | {"mesh": sha256}, files), sort_keys=True)
     return hashlib.sha256(content.encode()).hexdigest()
@@ -52,31 +44,7 @@ def fit(
     begin: Callable[[str], None] = lambda stage: None,
     known: Mapping[str, SurfaceFit] | None = None,
 ) -> tuple[str, Calibrated]:
-    """Calibrate, or return the result of the same plan and mesh before; with its key.
-
-    Parameters
-    ----------
-    plan : Plan
-        Of the link.
-    mesh : TriangleMesh
-        Of the link, in metres in the link frame.
-    begin : function, optional
-        Called with the name of each stage at its start; an exception aborts the calibration.
-    known : mapping of str to SurfaceFit, optional
-        Fits of surfaces of this plan to this mesh, by their names.
-
-    Returns
-    -------
-    key : str
-        Of :func:`key_of`.
-    result : Calibrated
-        The calibration, its fit and its warnings. The name of the mesh file can be that of an earlier plan.
-
-    Raises
-    ------
-    SkinCalibError
-        As :func:`calibrate`.
-    """
+    """Calibrate, or return the result of the same plan and mesh before; with its key."""
     key = key_of(plan, mesh.sha256)
     result = _results.get(key) or calibrate(plan, mesh, begin, known)
     with _lock:
@@ -98,28 +66,12 @@ def is_current(link: bpy.types.Object) -> bool:
 
 
 def least_exact(plan: Any) -> str:
-    """Return what is written after a mean distance: of several surfaces it is the largest of their means.
-
-    Parameters
-    ----------
-    plan : SKIN_PG_link
-        Of the link.
-    """
+    """Return what is written after a mean distance: of several surfaces it is the largest of their means."""
     return " (least exact surface)" if len(plans.surface_names(plan)) > 1 else ""
 
 
 def verify(link: bpy.types.Object, scene: bpy.types.Scene, sha256: str) -> None:
-    """Mark the result of a link as outdated if plan, mesh or taxel files are no longer those of its fit.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    scene : Scene
-        Its unit settings give the length of a scene unit.
-    sha256 : str
-        Of its mesh now; empty if it is invalid.
-    """
+    """Mark the result of a link as outdated if plan, mesh or taxel files are no longer those of its fit."""
     if not is_current(link):
         return
     try:
@@ -136,46 +88,12 @@ def clear() -> None:
 
 
 def warnings_of(link: bpy.types.Object, result: Calibrated) -> tuple[Warning, ...]:
-    """Return the warnings of a fit, and those about vertex groups, which no plan file has.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    result : Calibrated
-        Of its plan.
-
-    Returns
-    -------
-    tuple of Warning
-
-    Raises
-    ------
-    InvalidPlan, InvalidMesh
-        As :func:`empty_groups`.
-    """
+    """Return the warnings of a fit, and those about vertex groups, which no plan file has."""
     return (*result.warnings, *empty_groups(link))
 
 
 def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibrated, key: str) -> None:
-    """Store the figures of a fit on its object.
-
-    Parameters
-    ----------
-    link : Object
-        Mesh object of the link.
-    scene : Scene
-        Its unit settings give the length of a scene unit.
-    result : Calibrated
-        In metres in the link frame.
-    key : str
-        Of the result in the cache.
-
-    Raises
-    ------
-    InvalidPlan, InvalidMesh
-        As :func:`empty_groups`.
-    """
+    """Store the figures of a fit on its object."""
     warnings = warnings_of(link, result)  # first: nothing is written if a group was removed during the fit
     record, fits = link.skin_calib.result, tuple(result.fits.values())
     to_mesh = [fit.errors.surface_to_mesh for fit in fits]

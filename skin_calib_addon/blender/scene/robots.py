@@ -31,23 +31,7 @@ def add_robot(
     meshes: Mapping[str, TriangleMesh],
     problems: Mapping[str, str],
 ) -> list[bpy.types.Object]:
-    """Add a robot: for each link an empty that is its frame, and the mesh below it. Return the links with a mesh.
-
-    Parameters
-    ----------
-    context : Context
-        Has the scene.
-    urdf : Path
-        File of the robot.
-    robot : Robot
-        Its content.
-    poses : mapping of str to array, shape (4, 4)
-        ``T_root_link`` by the name of the link [m].
-    meshes : mapping of str to TriangleMesh
-        By the name of the link, in the link frame [m].
-    problems : mapping of str to str
-        Why other links have no mesh.
-    """
+    """Add a robot: for each link an empty that is its frame, and the mesh below it. Return the links with a mesh."""
     group = bpy.data.collections.new(robot.name or urdf.stem)
     context.scene.collection.children.link(group)
     metre, file = metres_per_unit(context.scene), kept_path(str(urdf.absolute()))
@@ -134,15 +118,7 @@ def fit_of(link: bpy.types.Object) -> Calibrated | None:
 
 
 def next_channel(link: bpy.types.Object, scene: bpy.types.Scene) -> int:
-    """Return the first channel after those of the other links of the same robot.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    scene : Scene
-        Has the other links.
-    """
+    """Return the first channel after those of the other links of the same robot."""
     ends = [0]
     for other in scene.objects:
         settings = other.skin_calib
@@ -164,15 +140,7 @@ def active_row(scene: bpy.types.Scene) -> int:
 
 
 def select_row(scene: bpy.types.Scene, index: int) -> None:
-    """Make a link active and show it.
-
-    Parameters
-    ----------
-    scene : Scene
-        Has the link.
-    index : int
-        Which of its objects.
-    """
+    """Make a link active and show it."""
     context = bpy.context
     link = scene.objects[index]
     if link.name not in context.view_layer.objects:

@@ -18,20 +18,7 @@ START_OF_RAY = 1e-3
 
 
 def present(context: bpy.types.Context, things: Sequence[bpy.types.Object]) -> str:
-    """Select new objects and show them; in local view if others overlap them.
-
-    Parameters
-    ----------
-    context : Context
-        Has scene and window.
-    things : sequence of Object
-        The objects; the first mesh becomes the active one. The views are moved to the meshes.
-
-    Returns
-    -------
-    str
-        What local view hides, for a report; empty if it is not needed.
-    """
+    """Select new objects and show them; in local view if others overlap them."""
     meshes = [thing for thing in things if thing.type == "MESH"]
     activate(context, meshes[0])
     context.view_layer.update()  # places new objects
@@ -55,15 +42,7 @@ def present(context: bpy.types.Context, things: Sequence[bpy.types.Object]) -> s
 
 
 def overlapping(context: bpy.types.Context, things: Sequence[bpy.types.Object]) -> list[str]:
-    """Return the names of visible objects whose boxes in the world overlap those of some meshes.
-
-    Parameters
-    ----------
-    context : Context
-        Has the scene.
-    things : sequence of Object
-        The meshes are among them.
-    """
+    """Return the names of visible objects whose boxes in the world overlap those of some meshes."""
     boxes = [_box(thing) for thing in things if thing.type == "MESH"]
     others = [o for o in context.view_layer.objects if o not in things and o.type in SOLID and o.visible_get()]
     return [o.name for o in others if any(_overlap(_box(o), box) for box in boxes)]
@@ -122,15 +101,6 @@ def show_place(context: bpy.types.Context, link: bpy.types.Object, point: Sequen
     """Move the 3D cursor to a place of a link, and the view so that the place is in its middle, next to the sidebar.
 
     If a mesh hides the place, the view turns to the outward normal of the nearest face. Its distance stays.
-
-    Parameters
-    ----------
-    context : Context
-        Its view is moved; without a 3D view only the cursor is.
-    link : Object
-        The link.
-    point : sequence of float, shape (3,)
-        The place in the link frame [m].
     """
     place = link_meshes.link_frame(link) @ (Vector(point) / metres_per_unit(context.scene))
     context.scene.cursor.location = place

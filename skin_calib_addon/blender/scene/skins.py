@@ -25,25 +25,7 @@ from .face_groups import zones_of
 
 
 def read_skin(group: Any, metre: float) -> Skin:
-    """Return the frozen skin in a group of properties. Zones of boards over a vertex group are those of the group now.
-
-    Parameters
-    ----------
-    group : SKIN_PG_skin
-        In scene units in the link frame.
-    metre : float
-        Length of a scene unit [m].
-
-    Returns
-    -------
-    Skin
-        In metres in the link frame.
-
-    Raises
-    ------
-    InvalidPlan
-        If a value is beyond its limits, or a vertex group is missing; the message names it as the window does.
-    """
+    """Return the frozen skin in a group of properties, with the zones of its vertex group as it is now."""
     with about_skin(group.name):
         skin: Skin = fields.read(SKINS_OF[group.kind], group, metre, (f"Skin {group.name!r}",))
         if isinstance(skin, BoardSkin) and group.zone_group:
@@ -53,17 +35,7 @@ def read_skin(group: Any, metre: float) -> Skin:
 
 
 def write_skin(skin: Skin, group: Any, metre: float) -> None:
-    """Set a new group of properties from a frozen skin.
-
-    Parameters
-    ----------
-    skin : Skin
-        In metres in the link frame; its file has an absolute path.
-    group : SKIN_PG_skin
-        Set in scene units.
-    metre : float
-        Length of a scene unit [m].
-    """
+    """Set a new group of properties from a frozen skin."""
     _write_first(group, metre)
     group.kind = skin_kind(skin)
     fields.write(SKINS_OF[group.kind], skin, group, metre)
@@ -76,24 +48,7 @@ def _write_first(group: Any, metre: float) -> None:
 
 
 def add_skin(skins: Any, kind: str, metre: float, name: str = "skin") -> Any:
-    """Return a new skin at the end of a collection, with the usual sizes and a name of its own.
-
-    Parameters
-    ----------
-    skins : collection of SKIN_PG_skin
-        The skins of the plan.
-    kind : "sheet", "hexagons" or "imported"
-        What the skin is made of.
-    metre : float
-        Length of a scene unit [m].
-    name : str, optional
-        With a number behind it if another skin has the name.
-
-    Returns
-    -------
-    SKIN_PG_skin
-        In scene units.
-    """
+    """Return a new skin at the end of a collection, with the usual sizes and a name of its own."""
     names = {skin.name for skin in skins}
     skin = skins.add()
     skin.name = next(n for n in chain([name], (f"{name}_{k}" for k in count(2))) if n not in names)
@@ -106,33 +61,13 @@ def turn_along_lines(skin: Any, surface: BSplineSurface) -> None:
     """Set the direction of a new skin to that of the lines of a surface in its middle, to the side of the usual one.
 
     The usual direction can be perpendicular to the surface there.
-
-    Parameters
-    ----------
-    skin : SKIN_PG_skin
-        A new skin.
-    surface : BSplineSurface
-        The fitted surface.
     """
     along = unit(surface.derivatives(root_of(surface, None)[None])[0, 1, 0])
     skin.direction = np.round(-along if along @ np.array(skin.direction) < 0 else along, 3)
 
 
 def seen_from(folder: Path, skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
-    """Return skins whose files have paths from a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Start of the relative paths.
-    skins : tuple of Skin
-        Their files have absolute paths, or paths from the current folder.
-
-    Returns
-    -------
-    tuple of Skin
-        Their files have paths from ``folder``.
-    """
+    """Return skins whose files have paths from a folder."""
     return tuple(
         replace(skin, file=Path(relative_path(folder, skin.file))) if isinstance(skin, ImportedSkin) else skin
         for skin in skins
@@ -140,32 +75,12 @@ def seen_from(folder: Path, skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
 
 
 def write_frame(group: Any, frame: Frame, metre: float) -> None:
-    """Set the frame of an imported skin.
-
-    Parameters
-    ----------
-    group : SKIN_PG_skin
-        Of the imported skin; set in scene units.
-    frame : Frame
-        Of the file in the link frame, translation in metres.
-    metre : float
-        Length of a scene unit [m].
-    """
+    """Set the frame of an imported skin."""
     fields.write_key(SKINS_OF["imported"].key("frame"), group, frame, metre)
 
 
 def move_skin(skin: Any, moved: SheetSkin | BoardSkin, metre: float) -> None:
-    """Set the pose of a skin and nothing else: origin and direction, or landmarks; its registration; and its boards.
-
-    Parameters
-    ----------
-    skin : SKIN_PG_skin
-        Set in scene units.
-    moved : SheetSkin or BoardSkin
-        The same skin in its new pose, in metres in the link frame.
-    metre : float
-        Length of a scene unit [m].
-    """
+    """Set the pose of a skin and nothing else: origin and direction, or landmarks; its registration; and its boards."""
     for item, mark in zip(skin.landmarks, getattr(moved, "landmarks", ())):
         item.point = in_units(mark.point, metre)
     if moved.origin is not None:
@@ -177,31 +92,7 @@ def move_skin(skin: Any, moved: SheetSkin | BoardSkin, metre: float) -> None:
 
 
 def point_of(plan: Any, what: str, skin: int, index: int) -> tuple[Any, str]:
-    """Return the group of properties that has an origin, a landmark or a zone, and the name of its point there.
-
-    Parameters
-    ----------
-    plan : SKIN_PG_link
-        Properties of the link.
-    what : "origin", "landmark" or "zone"
-        Which point.
-    skin : int
-        Index of the skin.
-    index : int
-        Of the landmark or zone; not used for an origin.
-
-    Returns
-    -------
-    group : PropertyGroup
-        That has the point.
-    name : str
-        Of its property, in scene units in the link frame.
-
-    Raises
-    ------
-    SkinCalibError
-        If the list has no such entry, or the skin is of a kind without such a point.
-    """
+    """Return the group of properties that has an origin, a landmark or a zone, and the name of its point there."""
     owner = entry(plan.skins, skin, "skin")
     if what == "landmark":
         return entry(of_kind(owner, "sheet", "landmarks").landmarks, index, "landmark"), "point"
@@ -213,26 +104,7 @@ def point_of(plan: Any, what: str, skin: int, index: int) -> tuple[Any, str]:
 
 
 def put_point(plan: Any, what: str, skin: int, index: int, point: Any) -> None:
-    """Set an origin, a landmark or a zone to a point.
-
-    Parameters
-    ----------
-    plan : SKIN_PG_link
-        Properties of the link.
-    what : "origin", "landmark" or "zone"
-        Which point.
-    skin : int
-        Index of the skin.
-    index : int
-        Of the landmark or zone; not used for an origin.
-    point : Vector, length 3
-        Link frame, in scene units.
-
-    Raises
-    ------
-    SkinCalibError
-        If the list has no such entry, or the skin is of a kind without such a point.
-    """
+    """Set an origin, a landmark or a zone to a point."""
     owner, name = point_of(plan, what, skin, index)
     setattr(owner, name, point)
     if what == "origin":
@@ -251,17 +123,7 @@ def in_window(error: SkinCalibError) -> str:
 
 
 def fix_pose(skin: Any, taxels: TaxelArray, metre: float) -> None:
-    """Give a skin the origin and direction that it has now; boards that fill become all that fit from there.
-
-    Parameters
-    ----------
-    skin : SKIN_PG_skin
-        A sheet or boards; set in scene units.
-    taxels : TaxelArray
-        Of the skin, in metres in the link frame.
-    metre : float
-        Length of a scene unit [m].
-    """
+    """Give a skin the origin and direction that it has now; boards that fill become all that fit from there."""
     i = root_row(taxels)
     is_free = skin.kind == "hexagons" and skin.choice == "fill"
     if is_free or skin.centred and not skin.landmarks:
@@ -272,36 +134,14 @@ def fix_pose(skin: Any, taxels: TaxelArray, metre: float) -> None:
 
 
 def list_boards(skin: Any, taxels: TaxelArray, metre: float) -> None:
-    """Give boards that fill a surface the pose and the cells that they have now; listed boards stay.
-
-    Parameters
-    ----------
-    skin : SKIN_PG_skin
-        Boards; set in scene units.
-    taxels : TaxelArray
-        Of the skin, in metres in the link frame.
-    metre : float
-        Length of a scene unit [m].
-    """
+    """Give boards that fill a surface the pose and the cells that they have now; listed boards stay."""
     if skin.choice != "listed":
         fix_pose(skin, taxels, metre)
         skin.choice, skin.cells = "listed", fields.written_cells(taxels.index.tolist())
 
 
 def single_taxel(skin: Any, name: str) -> Any:
-    """Return what a skin has about one of its taxels; a new entry if it has none.
-
-    Parameters
-    ----------
-    skin : SKIN_PG_skin
-        The skin.
-    name : str
-        Id of the taxel without the name of the skin.
-
-    Returns
-    -------
-    SKIN_PG_single_taxel
-    """
+    """Return what a skin has about one of its taxels; a new entry if it has none."""
     found = next((single for single in skin.taxels if single.taxel == name), None)
     if found is None:
         found = skin.taxels.add()
@@ -323,27 +163,7 @@ def root_row(taxels: TaxelArray) -> int:
 
 
 def of_kind(skin: Any, kind: str, what: str) -> Any:
-    """Return a skin that must be of the kind that has such things.
-
-    Parameters
-    ----------
-    skin : SKIN_PG_skin
-        The skin to check.
-    kind : "sheet", "hexagons" or "imported"
-        The kind it must be of.
-    what : str
-        What only skins of this kind have, in the plural, for the message.
-
-    Returns
-    -------
-    SKIN_PG_skin
-        ``skin``
-
-    Raises
-    ------
-    SkinCalibError
-        If it is of another kind.
-    """
+    """Return a skin that must be of the kind that has such things."""
     if skin.kind != kind:
         label = next(choice.label for choice in SKIN_KINDS if choice.value == kind)
         raise SkinCalibError(
@@ -353,26 +173,7 @@ def of_kind(skin: Any, kind: str, what: str) -> Any:
 
 
 def entry(entries: Any, index: int, what: str) -> Any:
-    """Return one entry of a list of the plan.
-
-    Parameters
-    ----------
-    entries : collection of PropertyGroup
-        The list.
-    index : int
-        Counted from 0.
-    what : str
-        What an entry is, for the message.
-
-    Returns
-    -------
-    PropertyGroup
-
-    Raises
-    ------
-    SkinCalibError
-        If the list has no such entry.
-    """
+    """Return one entry of a list of the plan."""
     if not 0 <= index < len(entries):
         raise SkinCalibError(f"There is no {what} {index}; there are {len(entries)}, counted from 0.")
     return entries[index]

@@ -19,24 +19,7 @@ def metres_per_unit(scene: bpy.types.Scene) -> float:
 
 
 def written(values: Sequence[float], kind: str, settings: Any) -> tuple[list[str], str]:
-    """Return numbers with three digits in one unit, and its symbol.
-
-    Parameters
-    ----------
-    values : sequence of float, length k
-        [m], [rad], [1] or [N], by ``kind``.
-    kind : "LENGTH", "ANGLE", "FRACTION" or "FORCE"
-        Of the numbers.
-    settings : UnitSettings
-        Of the scene; angles are in its unit.
-
-    Returns
-    -------
-    texts : list of str, length k
-        The numbers in the unit.
-    symbol : str
-        Of the unit.
-    """
+    """Return numbers with three digits in one unit, and its symbol."""
     is_in_radians = kind == "ANGLE" and settings.system_rotation == "RADIANS"
     factor, name = (1.0, "rad") if is_in_radians else UNITS[kind]
     return [f"{value * factor + 0.0:.3g}" for value in values], name  # no minus zero

@@ -22,15 +22,7 @@ def refusal_of(error: SkinCalibError) -> Warning:
 
 
 def write_warnings(records: Any, warnings: Iterable[Warning]) -> None:
-    """Replace the warnings of a collection property; the worst ones come first.
-
-    Parameters
-    ----------
-    records : collection of SKIN_PG_warning
-        Its entries are replaced.
-    warnings : iterable of Warning
-        Points in metres in the link frame.
-    """
+    """Replace the warnings of a collection property; the worst ones come first."""
     records.clear()
     for warning in worst_first(warnings):
         record, where = records.add(), warning.where
@@ -43,13 +35,7 @@ def write_warnings(records: Any, warnings: Iterable[Warning]) -> None:
 
 
 def read_warning(record: Any) -> Warning:
-    """Return the warning that a record keeps.
-
-    Parameters
-    ----------
-    record : SKIN_PG_warning
-        As `write_warnings` writes it.
-    """
+    """Return the warning that a record keeps."""
     point = tuple(record.point) if record.has_point else None
     place = Place(point, record.names, record.skin, surface=record.surface)
     return Warning(record.code, record.severity, record.message, place, record.value, record.advice)

@@ -25,15 +25,7 @@ class CloudError(ValueError):
 
 
 def parse_comments(draft: Draft, comments: Iterable[str]) -> dict[int, str]:
-    """Return the label of each channel in the comments, and set the link of the draft.
-
-    Parameters
-    ----------
-    draft : Draft
-        Receives the name of the link.
-    comments : iterable of str
-        Comments of the header.
-    """
+    """Return the label of each channel in the comments, and set the link of the draft."""
     labels = {}
     for comment in comments:
         if comment.startswith(LINK):
@@ -46,25 +38,7 @@ def parse_comments(draft: Draft, comments: Iterable[str]) -> dict[int, str]:
 
 
 def parse_text(names: Sequence[str], rows: Sequence[tuple[int, str]]) -> dict[str, list[float]]:
-    """Parse points that are written as text.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Names of all columns.
-    rows : sequence of (int, str)
-        Line number and text of each point.
-
-    Returns
-    -------
-    dict of list
-        The columns that are used, by name.
-
-    Raises
-    ------
-    CloudError
-        If a row has another number of columns, or a value is not a finite number.
-    """
+    """Parse points that are written as text."""
     positions = {name: names.index(name) for name in _used_names(names)}
     columns: dict[str, list[float]] = {name: [] for name in positions}
     for number, content in rows:
@@ -81,27 +55,7 @@ def parse_text(names: Sequence[str], rows: Sequence[tuple[int, str]]) -> dict[st
 
 
 def parse_bytes(names: Sequence[str], types: Sequence[str], data: bytes, count: int) -> dict[str, list[float]]:
-    """Parse points that are written as binary data.
-
-    Parameters
-    ----------
-    names, types : sequence of str
-        Name and NumPy type of each column.
-    data : bytes
-        Starts with the first point.
-    count : int
-        Number of points.
-
-    Returns
-    -------
-    dict of list
-        The columns that are used, by name.
-
-    Raises
-    ------
-    CloudError
-        If data are missing, or a value is not finite.
-    """
+    """Parse points that are written as binary data."""
     kind = np.dtype([(f"{i}", type_) for i, type_ in enumerate(types)])
     if len(data) < kind.itemsize * count:
         raise CloudError(
@@ -142,22 +96,7 @@ def _used_names(names: Sequence[str]) -> list[str]:
 
 
 def fill_draft(draft: Draft, columns: dict[str, list[float]], labels: dict[int, str]) -> None:
-    """Copy the columns into the draft.
-
-    Parameters
-    ----------
-    draft : Draft
-        ``lines`` must be complete.
-    columns : dict of list
-        Position, and optionally normal and channel. Without a channel, the index of the point is the channel.
-    labels : dict of str
-        By channel. Without a label, the channel is the label.
-
-    Raises
-    ------
-    CloudError
-        If a channel is not an integer in the allowed range.
-    """
+    """Copy the columns into the draft."""
     values = list(columns.values())
     count = len(values[0])
     draft.positions = list(zip(*values[:3]))
@@ -192,24 +131,7 @@ def cloud_of(calibration: LinkCalibration) -> tuple[list[str], list[str], tuple[
 
 
 def rows_of(text: str, first: int, count: int, only_points: bool) -> list[tuple[int, str]]:
-    """Return the first lines that are not empty, with their line numbers.
-
-    Parameters
-    ----------
-    text : str
-        The part of the file after the header.
-    first : int
-        Number of its first line.
-    count : int
-        Number of points.
-    only_points : bool
-        Whether nothing may follow the points.
-
-    Raises
-    ------
-    CloudError
-        If there are fewer than ``count`` lines, or more in a file of points only.
-    """
+    """Return the first lines that are not empty, with their line numbers."""
     rows = [(number, content) for number, content in enumerate(text.split("\n"), first) if content.strip()]
     if len(rows) < count:
         raise CloudError("size", "", f"is truncated: the header announces {count} points, {len(rows)} were found")
@@ -228,20 +150,7 @@ def lines_of(data: bytes) -> str:
 
 
 def count_of(word: str, number: int) -> int:
-    """Return the number of points that a header announces.
-
-    Parameters
-    ----------
-    word : str
-        The number as text.
-    number : int
-        Line number, for messages.
-
-    Raises
-    ------
-    CloudError
-        If it is not a number, or is larger than `MAX_TAXELS`.
-    """
+    """Return the number of points that a header announces."""
     if not word.isdecimal() or len(word) > 9 or int(word) > MAX_TAXELS:
         raise CloudError("size", line(number), f"announces {shown(word)} points; the limit is {MAX_TAXELS}")
     return int(word)

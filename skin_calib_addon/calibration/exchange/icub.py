@@ -123,11 +123,6 @@ def write_icub(calibration: LinkCalibration) -> bytes:
 
     The iCub software ignores the last row, and needs an entry in the table for each row. A row of zeros with an
     entry therefore follows the taxels.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the link name is not a single plain word, or a channel is too high for one row per channel.
     """
     taxels = taxels_of(calibration)
     if not _WORD.fullmatch(taxels.link):

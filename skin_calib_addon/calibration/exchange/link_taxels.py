@@ -53,13 +53,7 @@ class LinkTaxels:
 
 
 def taxels_of(calibration: LinkCalibration) -> LinkTaxels:
-    """Return the taxels of all patches.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If there is no taxel, or more than `MAX_TAXELS`.
-    """
+    """Return the taxels of all patches."""
     parts = [patch.taxels for patch in calibration.patches]
     count = sum(len(part.ids) for part in parts)
     if not 0 < count <= MAX_TAXELS:
@@ -112,20 +106,7 @@ def _pixels(indices: Sequence[IntArray]) -> IntArray:
 
 
 def only_patches(calibration: LinkCalibration, names: Sequence[str]) -> LinkCalibration:
-    """Return a calibration with only the named patches.
-
-    Parameters
-    ----------
-    calibration : LinkCalibration
-        It stays unchanged.
-    names : sequence of str
-        Patches to keep.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If there is no patch of such a name.
-    """
+    """Return a calibration with only the named patches."""
     known = [patch.name for patch in calibration.patches]
     for name in names:
         if name not in known:
@@ -137,20 +118,7 @@ def only_patches(calibration: LinkCalibration, names: Sequence[str]) -> LinkCali
 
 
 def refuse_labels(labels: Iterable[str], what: str) -> None:
-    """Reject names that the readers of this package would reject or change.
-
-    Parameters
-    ----------
-    labels : iterable of str
-        The names.
-    what : str
-        Description of a name, for messages.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If a name is too long, is not printable, or begins or ends with a space.
-    """
+    """Reject names that the readers of this package would reject or change."""
     for label in labels:
         if not label or len(label) > MAX_LABEL_LENGTH or not label.isprintable() or label != label.strip():
             allowed = f"1 to {MAX_LABEL_LENGTH} printable characters without spaces at the ends"
@@ -158,20 +126,7 @@ def refuse_labels(labels: Iterable[str], what: str) -> None:
 
 
 def refuse_repeats(names: Iterable[str], format: str) -> None:
-    """Reject equal names in a format in which all names must differ.
-
-    Parameters
-    ----------
-    names : iterable of str
-        All names of a file.
-    format : str
-        Name of the format, for messages.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If two names are equal.
-    """
+    """Reject equal names in a format in which all names must differ."""
     again = [name for name, times in Counter(names).items() if times > 1]
     if again:
         raise CalibrationFormatError(

@@ -27,11 +27,6 @@ def write_mjcf(calibration: LinkCalibration) -> bytes:
     Each patch has a tactile sensor on a mesh. Vertex i of the mesh is the i-th taxel of the patch in the order of
     channels. The tactile sensor outputs the depth of all vertices, then the slip along and across the tangent. A patch
     with fewer than four taxels, or with taxels on a line, has no mesh and only touch sensors.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If two sensors or two patches would have the same name.
     """
     taxels = taxels_of(calibration)
     patches = [patch.name for patch in calibration.patches]
@@ -153,18 +148,6 @@ def triangles(taxels: LinkTaxels, rows: IntArray) -> IntArray:
     Neighbours that follow each other around a taxel form one triangle with it if they are neighbours themselves. If
     they are not, but have another common neighbour, the four taxels form two triangles. Taxels without any such
     neighbours form a chain of triangles.
-
-    Parameters
-    ----------
-    taxels : LinkTaxels
-        All taxels of the link.
-    rows : array, shape (n,)
-        Rows of one patch.
-
-    Returns
-    -------
-    array, shape (m, 3)
-        Positions in ``rows``, counter-clockwise seen from outside.
     """
     position = {taxels.ids[row]: k for k, row in enumerate(rows.tolist())}
     near = [{position[other] for other in taxels.neighbours[row] if other in position} for row in rows.tolist()]

@@ -114,11 +114,6 @@ def write_pcd(calibration: LinkCalibration) -> bytes:
 
     Fields are declared in single precision, which other programs require. The text has all digits, which the reader
     of this package uses.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If a name would not be read back unchanged.
     """
     comments, rows, sigma = cloud_of(calibration)
     lines = [

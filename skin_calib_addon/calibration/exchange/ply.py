@@ -111,13 +111,7 @@ def _header(lines: list[str]) -> Header:
 
 
 def write_ply(calibration: LinkCalibration) -> bytes:
-    """Write a vertex for each taxel with normal and channel; comments contain the ids.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If a name would not be read back unchanged.
-    """
+    """Write a vertex for each taxel with normal and channel; comments contain the ids."""
     comments, rows, sigma = cloud_of(calibration)
     lines = [
         "ply",

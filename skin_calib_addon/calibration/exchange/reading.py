@@ -33,22 +33,7 @@ _ELEMENT = re.compile(r"<([A-Za-z_][\w.:-]*)")
 
 
 def read_taxels(path: str | os.PathLike[str], format: str | None = None, only: str | None = None) -> TaxelSet:
-    """Read a file of taxels without any change: positions and normals are not transformed or completed.
-
-    Parameters
-    ----------
-    path : path
-        File to read.
-    format : one of `READABLE`, optional
-        Default: detected from the content.
-    only : str, optional
-        A shell pattern. Taxels whose label does not match are left out.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If the file cannot be read or is invalid; ``findings`` lists all problems.
-    """
+    """Read a file of taxels without any change: positions and normals are not transformed or completed."""
     if format is not None and format not in READABLE:
         known = ", ".join(READABLE)
         raise CalibrationFormatError(

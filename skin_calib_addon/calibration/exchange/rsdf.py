@@ -18,11 +18,6 @@ def write_rsdf(calibration: LinkCalibration) -> bytes:
 
     The z axis of its frame points **into** the robot, and therefore upwards for a foot on the ground. The x axis is
     parallel to the tangents.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If a patch is curved, because a plane would deviate from the skin.
     """
     link = quoted(calibration.link)
     lines = [f"{HEAD}<robot name={link}>"]

@@ -149,13 +149,7 @@ def _name_neighbours(draft: Draft, neighbours: list[list[int]]) -> Iterator[Find
 
 
 def write_table(calibration: LinkCalibration) -> bytes:
-    """Write all data of each taxel in one row, without loss of digits.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If a name would not be read back unchanged.
-    """
+    """Write all data of each taxel in one row, without loss of digits."""
     taxels = taxels_of(calibration)
     refuse_labels(taxels.ids, "the id")
     refuse_labels((taxels.link,), "the link name")
@@ -200,11 +194,6 @@ def write_gentact(calibration: LinkCalibration) -> bytes:
     """Write a GenTact table.
 
     The radius is that of a disc with the area of the cell. The object is the patch.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If a name would not be read back unchanged.
     """
     taxels = taxels_of(calibration)
     refuse_labels((taxels.link,), "the link name")

@@ -55,18 +55,6 @@ class TaxelSet:
         """Return the taxels in another frame.
 
         .. math:: p' = R p + t
-
-        Parameters
-        ----------
-        rotation : array, shape (3, 3)
-            R.
-        translation : array, shape (3,)
-            t [m].
-
-        Returns
-        -------
-        TaxelSet
-            Without the name of a frame.
         """
         R = np.asarray(rotation, float)
         return replace(
@@ -118,22 +106,7 @@ class Draft:
 
 
 def finished(draft: Draft, only: str | None = None) -> tuple[TaxelSet | None, tuple[Finding, ...]]:
-    """Check a draft, and convert it to a taxel set.
-
-    Parameters
-    ----------
-    draft : Draft
-        Result of a reader; it is modified.
-    only : str, optional
-        A shell pattern. Taxels whose label does not match are left out.
-
-    Returns
-    -------
-    taxels : TaxelSet or None
-        None if the file has an error.
-    findings : tuple of Finding
-        All problems.
-    """
+    """Check a draft, and convert it to a taxel set."""
     if not draft.broken:
         _select(draft, only)
     if not draft.broken:

@@ -155,11 +155,6 @@ def write_tum(calibration: LinkCalibration) -> bytes:
 
     The root cell is the first cell, and the base frame is the link frame. The id of a cell is its channel plus one,
     because 0 means no neighbour. A board has the six ports of its sides. Other neighbours follow.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If a channel is too high for the id of a cell.
     """
     taxels = taxels_of(calibration)
     if taxels.channels[-1] + 1 >= NO_NEIGHBOUR[1]:

@@ -172,11 +172,6 @@ def write_frames(calibration: LinkCalibration) -> bytes:
 
     The frame of a taxel is fixed to the frame of its patch, and that frame is fixed to the link. The frame of a patch
     is at its taxel closest to the mean position.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If a name would not be read back unchanged, or if two frames would have the same name.
     """
     taxels = taxels_of(calibration)
     patches = [patch.name for patch in calibration.patches]
@@ -208,11 +203,6 @@ def write_sensors(calibration: LinkCalibration) -> bytes:
     """Write a sensor for each patch; all use the data channel with the name of the link.
 
     ``idx`` is the position in a reading. The shape of a taxel is its cell, or a disc of its area.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If a name would not be read back unchanged.
     """
     taxels = taxels_of(calibration)
     patches = [patch.name for patch in calibration.patches]

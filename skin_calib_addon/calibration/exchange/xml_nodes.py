@@ -66,22 +66,7 @@ class Node:
 
 
 def children_of_root(text: str, root: str, most_nodes: int = MAX_CHILD_NODES) -> Iterator[Node]:
-    """Yield each child of the root element as soon as it is parsed.
-
-    Parameters
-    ----------
-    text : str
-        The document.
-    root : str
-        Required tag of the root element.
-    most_nodes : int
-        Limit of elements in one child.
-
-    Raises
-    ------
-    XmlError
-        If the text is not well-formed, has another root, declares an entity, or exceeds a limit.
-    """
+    """Yield each child of the root element as soon as it is parsed."""
     path: list[Node] = []
     done: list[Node] = []
     nodes = 0

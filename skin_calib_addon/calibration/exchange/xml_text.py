@@ -16,13 +16,7 @@ HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 
 def quoted(value: str) -> str:
-    """Return a text as the value of an attribute, with quotation marks.
-
-    Raises
-    ------
-    CalibrationFormatError
-        If it contains a character that XML forbids.
-    """
+    """Return a text as the value of an attribute, with quotation marks."""
     found = _FORBIDDEN.search(value)
     if found:
         raise CalibrationFormatError(
@@ -41,16 +35,6 @@ def rpy(axes: Array) -> Array:
 
     The roll is computed after the yaw is removed. The three angles therefore give the rotation even at a pitch of 90
     degrees, where the yaw is arbitrary.
-
-    Parameters
-    ----------
-    axes : array, shape (n, 3, 3)
-        Rotation matrices.
-
-    Returns
-    -------
-    array, shape (n, 3)
-        [rad]
     """
     yaw = np.arctan2(axes[:, 1, 0], axes[:, 0, 0])
     pitch = np.arctan2(-axes[:, 2, 0], np.hypot(axes[:, 0, 0], axes[:, 1, 0]))

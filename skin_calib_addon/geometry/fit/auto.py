@@ -95,21 +95,7 @@ class ErrorCurve:
 
 
 def power_law(wanted: IntArray, counts: IntArray, values: Sequence[float]) -> Array:
-    """Interpolate values at some counts by power laws; beyond the counts the values are constant.
-
-    Parameters
-    ----------
-    wanted : array of int, shape (k,)
-        Counts of the result.
-    counts : array of int, shape (n,)
-        Ascending.
-    values : sequence of float, length n
-        Positive.
-
-    Returns
-    -------
-    array, shape (k,)
-    """
+    """Interpolate values at some counts by power laws; beyond the counts the values are constant."""
     return np.exp(np.interp(np.log(wanted), np.log(counts), np.log(np.maximum(values, MIN_DISTANCE))))
 
 
@@ -182,17 +168,6 @@ class SizePredictor:
         """Return planes and lines of the smallest net with at most this error; None without such a net.
 
         The best positions are computed where the answer seems to be, until they are known there.
-
-        Parameters
-        ----------
-        error : float
-            [m]
-        above, below : float
-            Bounds of the number of control points, both excluded.
-
-        Returns
-        -------
-        (int, int) or None
         """
         along, across = self.along, self.across
         nets = along.counts[:, None] * across.counts
@@ -223,19 +198,7 @@ class SizePredictor:
         return good
 
     def best_sizes(self, control_points: int, count: int) -> list[tuple[int, int]]:
-        """Return the sizes of least error with at most some control points, best first, in different proportions.
-
-        Parameters
-        ----------
-        control_points : int
-            Most control points.
-        count : int
-            Most sizes.
-
-        Returns
-        -------
-        list of (int, int)
-        """
+        """Return the sizes of least error with at most some control points, best first, in different proportions."""
         along, across = self.along, self.across
         widest = np.minimum(control_points // along.counts, across.counts[-1])
         fits = widest >= across.counts[0]
@@ -322,20 +285,7 @@ def _smallest(
 
 
 def refusal(search: "Search", region: Region) -> UnreachableTolerance:
-    """Return why no net is within the tolerance, with the least error of the enlarged nets.
-
-    Parameters
-    ----------
-    search : Search
-        After ``enlarge``.
-    region : Region
-        Of the mesh.
-
-    Raises
-    ------
-    PoorFit
-        If surfaces are within the tolerance, but all of them too far from the mesh somewhere.
-    """
+    """Return why no net is within the tolerance, with the least error of the enlarged nets."""
     wrong = f"No surface is within {search.tolerance * 1e3:g} mm ({search.measure}) of this mesh"
     least, nearest = search.nearest
     other = better_axis(nearest, region, search.measure, search.tolerance if np.isinf(least) else least)
@@ -615,22 +565,6 @@ def fit_grid(
 def grid_lines(
     mesh: TriangleMesh, grid: Grid | PlanesGrid, degree: tuple[int, int], max_deviation: float = MAX_DEVIATION
 ) -> LineGrid:
-    """Return the lines of the grid of a plan, or of the smallest grid within its tolerance.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The cover, [m] in the link frame.
-    grid : Grid or PlanesGrid
-        The grid.
-    degree : (int, int)
-        Of the surface along u and v.
-    max_deviation : float
-        As for ``fit_grid``.
-
-    Returns
-    -------
-    LineGrid
-    """
+    """Return the lines of the grid of a plan, or of the smallest grid within its tolerance."""
     is_given = isinstance(grid, PlanesGrid) or isinstance(grid.size, Size)
     return grid.line_grid(mesh, degree) if is_given else fit_grid(mesh, grid, degree, False, max_deviation).lines

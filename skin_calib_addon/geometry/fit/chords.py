@@ -38,27 +38,6 @@ def lift_to_corners(
     and :math:`g` the gap from the facet to the surface through its corners. Each iteration solves the least squares for
     these distances. The surface moves by the height of an arc only: rays and footpoints of the corners stay, and the
     heights change with the offsets.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh with the facets.
-    lines : LineGrid
-        The lines of the control points.
-    basis : TensorBasis
-        The basis at the sample sites.
-    offsets : array, shape (n, m)
-        Of the control points of a surface along the facets [m].
-    samples : RaySamples
-        The hits of the rays through this surface.
-
-    Returns
-    -------
-    offsets : array, shape (n, m)
-        Of the surface through the corners [m].
-    gaps : array, shape (k, l)
-        From each facet out to this surface along the ray [m]; 0 where the ray hit nothing. The angles between the faces
-        of the mesh limit it, because the gaps of a bad fit have no meaning.
     """
     k, l = samples.residuals.shape
     hit = np.flatnonzero(~np.isnan(samples.residuals))
@@ -99,20 +78,7 @@ def lift_to_corners(
 
 
 def site_tangents(points: Array, closed: bool) -> Array:
-    """Return the steps between adjacent sites along both directions.
-
-    Parameters
-    ----------
-    points : array, shape (k, l, 3)
-        Of a surface at the sample sites [m].
-    closed : bool
-        Whether the last column is next to the first one.
-
-    Returns
-    -------
-    array, shape (k, l, 2, 3)
-        Along u and along v [m].
-    """
+    """Return the steps between adjacent sites along both directions."""
     arms = [np.gradient(points, axis=0), np.gradient(points, axis=1)]
     if closed:
         arms[1] = (np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)) / 2
@@ -120,58 +86,19 @@ def site_tangents(points: Array, closed: bool) -> Array:
 
 
 def in_basis(a: Array, b: Array, displacements: Array) -> tuple[Array, Array]:
-    """Return the components of displacements along two tangents.
-
-    Parameters
-    ----------
-    a, b : array, shape (k, 3)
-        Tangents.
-    displacements : array, shape (k, 3)
-        [m]
-
-    Returns
-    -------
-    along_a, along_b : array, shape (k,)
-        Components.
-    """
+    """Return the components of displacements along two tangents."""
     return solve_metric(a, b, (displacements * a).sum(axis=1), (displacements * b).sum(axis=1))
 
 
 def solve_metric(a: Array, b: Array, by_a: Array, by_b: Array) -> tuple[Array, Array]:
-    """Return the components along two tangents of vectors with given scalar products.
-
-    Parameters
-    ----------
-    a, b : array, shape (k, 3)
-        Tangents.
-    by_a, by_b : array, shape (k,)
-        Scalar products of the vectors with the tangents.
-
-    Returns
-    -------
-    along_a, along_b : array, shape (k,)
-        Components.
-    """
+    """Return the components along two tangents of vectors with given scalar products."""
     aa, ab, bb = ((x * y).sum(axis=1) for x, y in ((a, a), (a, b), (b, b)))
     area = aa * bb - ab**2
     return (bb * by_a - ab * by_b) / area, (aa * by_b - ab * by_a) / area
 
 
 def barycentric(triangles: Array, points: Array) -> Array:
-    """Return the barycentric coordinates of points in the planes of triangles.
-
-    Parameters
-    ----------
-    triangles : array, shape (k, 3, 3)
-        Corners [m].
-    points : array, shape (k, 3)
-        [m]
-
-    Returns
-    -------
-    array, shape (k, 3)
-        Rows sum to one.
-    """
+    """Return the barycentric coordinates of points in the planes of triangles."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     normal = cross(b - a, c - a)
     square = np.maximum(np.einsum("kc,kc->k", normal, normal), 1e-300)

@@ -45,21 +45,7 @@ class DeviationLimits:
 
     @classmethod
     def of(cls, max_deviation: float, tolerance: float | None = None, measure: str = "max") -> "DeviationLimits":
-        """Return the limits of a plan.
-
-        Parameters
-        ----------
-        max_deviation : float
-            Distance above which the fit is refused [m].
-        tolerance : float, optional
-            Tolerance of an automatic grid [m]. The warning then follows it, and a distance within it is not refused.
-        measure : "mean" or "max"
-            The distance that the tolerance limits.
-
-        Returns
-        -------
-        DeviationLimits
-        """
+        """Return the limits of a plan."""
         warned = WARNED_RATIO * max_deviation
         if tolerance is not None:
             warned = tolerance if measure == "max" else max(tolerance, min(MEAN_TOLERANCE_RATIO * tolerance, warned))
@@ -76,22 +62,6 @@ def dropped_curves(rows: SampleRows, samples: RaySamples) -> tuple[IntArray, Arr
 
     A curve that no ray hits and that is shorter than the distance between two rays, as at the rim of a hole, is between
     them; it is not counted.
-
-    Parameters
-    ----------
-    rows : SampleRows
-        The sections.
-    samples : RaySamples
-        The hits of the rays on them.
-
-    Returns
-    -------
-    counts : array of int, shape (k,)
-        Number of these curves.
-    lengths : array, shape (k,)
-        Length of the longest of them [m]; 0 without one.
-    points : array, shape (k, 3)
-        A point of the longest [m]; undefined without one.
     """
     sections, faces = rows.sections, len(rows.mesh.faces)
     ends = rows.flat_ends()
@@ -119,17 +89,7 @@ def dropped_curves(rows: SampleRows, samples: RaySamples) -> tuple[IntArray, Arr
 def dropped_curve_warnings(
     lines: LineGrid, basis: TensorBasis, dropped: tuple[IntArray, Array, Array]
 ) -> Iterator[Warning]:
-    """Yield a warning if sections have curves that the surface does not follow.
-
-    Parameters
-    ----------
-    lines : LineGrid
-        The lines of the control points.
-    basis : TensorBasis
-        The basis at the sample sites.
-    dropped : tuple of arrays
-        The result of ``dropped_curves``.
-    """
+    """Yield a warning if sections have curves that the surface does not follow."""
     counts, lengths, points = dropped
     if not counts.any():
         return
@@ -148,41 +108,13 @@ def dropped_curve_warnings(
 
 
 def nearest_names(lines: LineGrid, basis: TensorBasis, site: tuple[int, int]) -> str:
-    """Return the names of the u-plane and the v-line with the largest weight at a sample site.
-
-    Parameters
-    ----------
-    lines : LineGrid
-        The lines of the control points.
-    basis : TensorBasis
-        The basis at the sample sites.
-    site : (int, int)
-        Row and column of the sample site.
-
-    Returns
-    -------
-    str
-    """
+    """Return the names of the u-plane and the v-line with the largest weight at a sample site."""
     i, j = int(np.argmax(basis.N[site[0]])), int(np.argmax(basis.M[site[1]]))
     return f"u-plane {i} and {lines.v_names[j]}"
 
 
 def nearest_site(samples: RaySamples, uv: Array, closed: bool) -> tuple[int, int]:
-    """Return row and column of the sample site nearest to parameters.
-
-    Parameters
-    ----------
-    samples : RaySamples
-        The hits at the sites.
-    uv : array, shape (2,)
-        Parameters on the surface.
-    closed : bool
-        Whether the surface is closed in v.
-
-    Returns
-    -------
-    (int, int)
-    """
+    """Return row and column of the sample site nearest to parameters."""
     k, l = samples.residuals.shape
     return round(float(uv[0]) * (k - 1)), round(float(uv[1]) * l) % l if closed else round(float(uv[1]) * (l - 1))
 
@@ -205,26 +137,6 @@ def maximum_deviation(
 
     The distance is measured to the plane of the facet that the ray hit. Above ``far_distance`` it is measured to the
     nearest facet, because a ray that just misses a rim hits a part behind it.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    lines : LineGrid
-        The lines of the control points.
-    basis : TensorBasis
-        The basis at the sample sites.
-    samples : RaySamples
-        Of the last iteration.
-    far_distance : float
-        [m]
-
-    Returns
-    -------
-    distance : float
-        [m]
-    place : Place
-        Point, u-plane and v-line.
     """
     slope = np.abs((samples.rays * mesh.face_normals[samples.faces]).sum(axis=2))
     distance = np.abs(np.nan_to_num(samples.residuals)) * slope
@@ -252,30 +164,7 @@ def fit_warnings(
     limits: DeviationLimits,
     worst: tuple[Array, Array, float] | None,
 ) -> Iterator[Warning]:
-    """Yield the warnings that an author should check before trusting a fit.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh, [m] in the link frame.
-    lines : LineGrid
-        The lines of the control points.
-    basis : TensorBasis
-        The basis at the sample sites.
-    samples : RaySamples
-        Of the last iteration.
-    smallest_area : float
-        Smallest area element of the surface, seen along the rays, divided by its mean.
-    smallest_at : array, shape (2,)
-        Its parameters on the surface.
-    movement : array, shape (k, l), or None
-        Of the surface at the sites in the last iteration [m]; None if the iterations converged.
-    limits : DeviationLimits
-        Distances from the mesh that are warned of.
-    worst : (uv, point, distance), or None
-        The maximum deviation, as report, calibration file, panel and heat map state it: parameters (2,), point (3,)
-        [m], and distance [m]. None if no point is measured; that at the sample sites then counts.
-    """
+    """Yield the warnings that an author should check before trusting a fit."""
     yield from lines.warnings
     missed, what = samples.missed, "mesh"
     if samples.outside is not None:  # single rays miss at the rim; next to hits the surface is no extrapolation

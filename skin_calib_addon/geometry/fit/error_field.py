@@ -49,18 +49,6 @@ def vertex_normals(vertices: Array, faces: IntArray) -> Array:
 
         \mathbf{n} \sim \sum_{\text{faces}}
         \frac{\mathbf{a} \times \mathbf{b}}{\lVert \mathbf{a} \rVert^2 \lVert \mathbf{b} \rVert^2}
-
-    Parameters
-    ----------
-    vertices : array, shape (v, 3)
-        [m]
-    faces : array of int, shape (f, 3)
-        All faces around the vertices that count.
-
-    Returns
-    -------
-    array, shape (v, 3)
-        Zero for vertices without a face.
     """
     corners = vertices[faces]
     edges = corners[:, NEXT] - corners
@@ -76,17 +64,6 @@ def at_rim(faces: IntArray, count: int) -> BoolArray:
 
     Around an inner vertex, each neighbour begins one opposite edge and ends another. The sum of their differences is
     therefore zero.
-
-    Parameters
-    ----------
-    faces : array of int, shape (f, 3)
-        All faces around the vertices that count.
-    count : int
-        Number of vertices.
-
-    Returns
-    -------
-    array of bool, shape (count,)
     """
     opposite = faces[:, NEXT] - faces[:, PREVIOUS]
     return np.bincount(faces.ravel(), opposite.ravel(), count) != 0
@@ -109,20 +86,6 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
     two fillets bends at both ends, but the surface bends much more next to it; its halves are zero, too. A corner at an
     open rim has no reliable normal; the other end of its edges counts for both. A facet with a corner on an edge that
     is meant to be sharp has no gap.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    faces : array of int, shape (k,)
-        Faces of the points.
-    points : array, shape (k, 3)
-        [m]
-
-    Returns
-    -------
-    array, shape (k,)
-        Along the normals of the faces [m]; zero next to sharp edges.
     """
     bends_at = _vertex_bends(mesh)
     face, which = np.unique(bends_at.parent[faces], return_inverse=True)
@@ -192,17 +155,6 @@ def _continues(vertices: Array, at_vertices: _VertexBends, corners: IntArray, tu
         \kappa = \frac{2\, \lVert \mathbf{t} \rVert}{w}, \qquad
         \kappa' = \max_{\mathbf{e}} \frac{|(\delta \mathbf{n} \cdot \hat{\mathbf{t}})
         (\mathbf{e} \cdot \hat{\mathbf{t}})|}{\lVert \mathbf{e} \rVert^2} \quad [1 / \text{m}]
-
-    Parameters
-    ----------
-    vertices : array, shape (v, 3)
-        [m]
-    at_vertices : _VertexBends
-        Of the mesh.
-    corners : array of int, shape (f, 3)
-        The facets.
-    turned : array, shape (f, 3, 3)
-        From the normal of each facet to those of its corners.
     """
     low, high = NEXT_RATIOS
     ahead, points = unit(turned), vertices[corners]
@@ -234,22 +186,6 @@ def gaps_below(surface: BSplineSurface, uv: Array, triangles: Array, points: Arr
     .. math::
 
         g = -\frac{1}{2} \sum_{i < j} b_i b_j\, \mathrm{II}(\mathbf{p}_j - \mathbf{p}_i) \quad [\text{m}]
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        A surface near the facets.
-    uv : array, shape (k, 2)
-        Parameters near the points.
-    triangles : array, shape (k, 3, 3)
-        Corners of the facets [m].
-    points : array, shape (k, 3)
-        Points of the facets [m].
-
-    Returns
-    -------
-    array, shape (k,)
-        Along the outward normals [m].
     """
     r = surface.derivatives(uv, order=2)
     by_u, by_v = r[1, 0], r[0, 1]
@@ -308,29 +244,6 @@ def error_field(
     .. math::
 
         \sigma^2_{kl} = A_{kl}\, \frac{\sigma_s^2}{\overline{\sum b^2}}\, \frac{\sum w^2}{\sum w} \quad [\text{m}^2]
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    basis : TensorBasis
-        The basis at the sample sites.
-    offsets : array, shape (n, m)
-        Of the control points along their lines [m].
-    samples : RaySamples
-        The hits of the rays through the fitted surface.
-    surface_of : function
-        Returns the surface for given offsets.
-    converged : bool
-        Whether the iterations of the fit converged.
-    noise : float
-        Standard deviation of the scan about a smoothed surface [m]; 0 without smoothing.
-    stiffness : float
-        Of a smoothed surface.
-
-    Returns
-    -------
-    ErrorField
     """
     known = ~np.isnan(samples.residuals)
     slope = np.einsum("klc,klc->kl", samples.rays, mesh.face_normals[samples.faces])

@@ -80,23 +80,6 @@ def statistics_of(
     """Return the statistics of distances from estimates and the exact distances of a random sample.
 
     The sample grows until the mean is known to `MEAN_PRECISION`, or as well as the points allow.
-
-    Parameters
-    ----------
-    estimates : array, shape (k,)
-        [m]
-    fractions : array, shape (k,)
-        Of the area.
-    exact : function
-        From indices (i,) to exact distances (i,) [m]; -1 for a point that does not count.
-    largest : float
-        The maximum [m].
-    is_sample : bool
-        Whether the points of the estimates are a random sample, too.
-
-    Returns
-    -------
-    DistanceStatistics
     """
     count, mean, rms, spread, own = EXACT_POINTS, 0.0, 0.0, np.inf, 0.0
     average = max(float((fractions * estimates).sum()), float(np.finfo(float).tiny))
@@ -117,19 +100,7 @@ def statistics_of(
 
 
 def corrected_mean(average: float, weights: Array, estimates: Array, exact: Array) -> tuple[float, float]:
-    """Return a mean by regression on estimates, and half the width of its 95 % confidence interval.
-
-    Parameters
-    ----------
-    average : float
-        Mean of the estimates of all values.
-    weights : array, shape (n,)
-        Of a sample.
-    estimates : array, shape (n,)
-        Of its values.
-    exact : array, shape (n,)
-        Its values; negative for one that does not count.
-    """
+    """Return a mean by regression on estimates, and half the width of its 95 % confidence interval."""
     counts = exact >= 0
     if not counts.any():
         return 0.0, np.inf
@@ -148,23 +119,7 @@ def stratified(fractions: Array, count: int) -> IntArray:
 
 
 def largest_of(bounds: Array, exact: Exact, first_round: int = FIRST_ROUND) -> tuple[float, int]:
-    """Return the largest distance and its index: exact distances from the largest bound on.
-
-    Parameters
-    ----------
-    bounds : array, shape (k,)
-        Upper bounds of the distances [m]; infinite where unknown.
-    exact : function
-        From indices (i,) to exact distances (i,) [m]; -1 for a point that does not count.
-    first_round : int
-        Points of the first round. Each round has twice as many.
-
-    Returns
-    -------
-    largest : float
-        [m]; -1 if no point counts.
-    index : int
-    """
+    """Return the largest distance and its index: exact distances from the largest bound on."""
     best, at, count, left = -1.0, -1, first_round, np.arange(len(bounds))
     while len(left):
         if count < len(left):
@@ -225,21 +180,6 @@ class Expansion:
             (I - h\, II)\, \mathbf{d} = J^T \mathbf{w}
 
         Where the point is too far for the expansion, they follow from a descent from the node.
-
-        Parameters
-        ----------
-        surface : BSplineSurface
-            The surface.
-        points : array, shape (k, 3)
-            [m]
-        node : array of int, shape (k,)
-            Their nearest nodes.
-
-        Returns
-        -------
-        estimates, bounds : array, shape (k,)
-            [m]
-        inside : array of bool, shape (k,)
         """
         w, start, is_open = points - self.points[node], self.uv[node], np.logical_not(surface.closed)
         bounds, height = np.sqrt(np.einsum("kc,kc->k", w, w)), np.einsum("kc,kc->k", self.normals[node], w)
@@ -262,19 +202,7 @@ def is_positive_definite(matrices: Array) -> BoolArray:
 
 
 def solved(matrices: Array, right: Array) -> Array:
-    """Return the solutions of systems of two equations; those of matrices that are not positive definite mean nothing.
-
-    Parameters
-    ----------
-    matrices : array, shape (k, 2, 2)
-        Symmetric.
-    right : array, shape (k, 2, m)
-        Right sides.
-
-    Returns
-    -------
-    array, shape (k, 2, m)
-    """
+    """Return the solutions (n, 2) of two equations each; no meaning where a matrix is not positive definite."""
     a, b, c = (matrices[:, i, j, None] for i, j in ((0, 0), (0, 1), (1, 1)))
     determinant = np.maximum(a * c - b**2, np.finfo(float).tiny)
     x, y = right[:, 0], right[:, 1]
@@ -289,28 +217,6 @@ def mesh_to_surface(
     Only those parts of the mesh count that have their footpoint inside the surface, over sites that hit the mesh, with
     a normal nearly parallel to that of the surface. Where the winding of the faces is mixed, it may be antiparallel.
     They count at any distance: a fold that the surface misses is an error, and a part below it is not distinguished.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh, [m] in the link frame.
-    surface : BSplineSurface
-        The surface, [m] in the link frame.
-    known : array of bool, shape (k, l)
-        Which sample sites of the fit hit the mesh.
-    side : int
-        The `winding` of the faces.
-    is_cover : function, optional
-        From points (k, 3) [m] of the mesh to those that count; without it all count.
-
-    Returns
-    -------
-    DistanceStatistics
-
-    Raises
-    ------
-    EmptySection
-        If no face is near the surface with a parallel normal.
     """
     table = Expansion.of(surface)
     count, counts = MESH_POINTS, np.empty(0, np.int64)
@@ -365,37 +271,14 @@ def mesh_to_surface(
 
 
 def winding(mesh: TriangleMesh, samples: RaySamples) -> int:
-    """Return 1 if the faces that the rays hit face outward, -1 if they face inward, and 0 if they are mixed.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    samples : RaySamples
-        Of the fit to it; their rays go outward.
-    """
+    """Return 1 if the faces that the rays hit face outward, -1 if they face inward, and 0 if they are mixed."""
     hit = ~np.isnan(samples.residuals)
     facing = np.sign((samples.rays[hit] * mesh.face_normals[samples.faces[hit]]).sum(axis=1)).mean()
     return int(np.sign(facing)) if abs(facing) > MIN_MEAN_FACING else 0
 
 
 def points_by_area(mesh: TriangleMesh, count: int) -> tuple[Array, Array]:
-    """Return random points of a mesh, evenly by area (Turk, Generating Random Points in Triangles, 1990).
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    count : int
-        Number of points.
-
-    Returns
-    -------
-    points : array, shape (count, 3)
-        [m]
-    normals : array, shape (count, 3)
-        Of their faces.
-    """
+    """Return random points of a mesh, evenly by area (Turk, Generating Random Points in Triangles, 1990)."""
     face = stratified(mesh.face_areas / mesh.face_areas.sum(), count)
     corners = mesh.vertices[mesh.faces[face]]
     a, b = np.random.default_rng(1).random((2, count, 1))
@@ -412,24 +295,7 @@ def largest_over(
     exact: Exact,
     may_count: Callable[[Array], BoolArray],
 ) -> float:
-    """Return the largest distance from the surface of those points that count [m]; -1 if there is none.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    table : Expansion
-        Of the surface.
-    margin : float
-        Assumed largest error of its estimates [m].
-    points : array, shape (k, 3)
-        [m]
-    exact : function
-        From indices (i,) to exact distances (i,) [m]; -1 for a point that does not count.
-    may_count : function
-        From normals of the surface (k, 3), those at the nearest nodes, to which points may count. Without it all points
-        at the back of a link, which are the furthest, would be computed exactly.
-    """
+    """Return the largest distance from the surface of those points that count [m]; -1 if there is none."""
     node = table.nearest(points)
     estimates, bounds, inside = table(surface, points, node)
     over = np.flatnonzero(inside & may_count(table.normals[node]))
@@ -437,17 +303,7 @@ def largest_over(
 
 
 def is_parallel(normals: Array, of_surface: Array, side: int, least: float = MIN_COVER_COSINE) -> BoolArray:
-    """Return which normals of faces are nearly parallel to those of the surface.
-
-    Parameters
-    ----------
-    normals, of_surface : array, shape (k, 3)
-        Of the faces, and of the surface.
-    side : int
-        The `winding` of the faces; with 0, antiparallel normals count, too.
-    least : float
-        Cosine above which they are.
-    """
+    """Return which normals of faces are nearly parallel to those of the surface."""
     cosine = (normals * of_surface).sum(axis=1)
     return (side * cosine if side else np.abs(cosine)) > least
 
@@ -464,25 +320,7 @@ def is_inside(surface: BSplineSurface, foot: Array, known: BoolArray) -> BoolArr
 def has_parallel_face(
     mesh: TriangleMesh, vertices: IntArray, normals: Array, side: int, least: float = MIN_COVER_COSINE
 ) -> BoolArray:
-    """Return which vertices have a face that is nearly parallel to the surface.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    vertices : array of int, shape (k,)
-        No two equal.
-    normals : array, shape (k, 3)
-        Of the surface.
-    side : int
-        The `winding` of the faces.
-    least : float
-        Cosine above which it is.
-
-    Returns
-    -------
-    array of bool, shape (k,)
-    """
+    """Return which vertices have a face that is nearly parallel to the surface."""
     row = np.full(len(mesh.vertices), -1, np.int64)
     row[vertices] = np.arange(len(vertices))
     a, b, c = mesh.corners
@@ -499,26 +337,7 @@ def has_parallel_face(
 def surface_to_mesh(
     mesh: TriangleMesh, points: Array, bounds: Array, areas: Array, hit: IntArray
 ) -> tuple[DistanceStatistics, int]:
-    """Return the distances from points of a surface to the mesh, and which of the points is furthest away.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh, [m] in the link frame.
-    points : array, shape (k, 3)
-        [m]
-    bounds : array, shape (k,)
-        Upper bounds of their distances [m]; infinite where unknown.
-    areas : array, shape (k,)
-        Area of each point [m^2].
-    hit : array of int
-        Faces that are candidates of every point, such as those that rays hit.
-
-    Returns
-    -------
-    statistics : DistanceStatistics
-    index : int
-    """
+    """Return the distances from points of a surface to the mesh, and which of the points is furthest away."""
     bounds = bounds.copy()
     distance = NearMesh(mesh, hit)
 

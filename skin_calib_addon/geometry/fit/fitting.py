@@ -129,26 +129,12 @@ def fit_surface(
 
 
 def left_out(given: TriangleMesh, outliers: tuple[Warning, ...]) -> dict[str, Any]:
-    """Return the members of a fit about outliers.
-
-    Parameters
-    ----------
-    given : TriangleMesh
-        The mesh with its outliers.
-    outliers : tuple of Warning
-        About them; empty without any.
-    """
+    """Return the members of a fit about outliers."""
     return {"outliers": outliers, "with_outliers": given if outliers else None}
 
 
 def check_fit(fit: SurfaceFit) -> None:
-    """Check that a surface is near the mesh everywhere.
-
-    Raises
-    ------
-    PoorFit
-        If it is not; the message names the planes and the point.
-    """
+    """Check that a surface is near the mesh everywhere."""
     limit = fit.limits.refused
     distance, place = maximum_deviation(fit.mesh, fit.lines, fit.basis, fit.samples, limit)
     if distance > limit:
@@ -169,28 +155,7 @@ def fit_lines(
     draft: bool = False,
     start: Array | None = None,
 ) -> SurfaceFit:
-    """Fit a surface as ``fit_surface`` does, along given lines, without the check of its distance from the mesh.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The cover, [m] in the link frame.
-    lines : LineGrid
-        The lines of the control points.
-    degree : (int, int)
-        Of the surface along u and v.
-    chords : bool
-        As for ``fit_surface``.
-    draft : bool
-        As for ``fit_surface``.
-    start : array, shape (n, m), optional
-        As for ``fit_surface``.
-
-    Returns
-    -------
-    SurfaceFit
-        The surface with its residuals and errors.
-    """
+    """Fit a surface as ``fit_surface`` does, along given lines, without the check of its distance from the mesh."""
     basis = TensorBasis.of(lines, *degree, DRAFT_SITES_PER_SPAN if draft else SITES_PER_SPAN)
     if chords and len(mesh.faces) < len(basis.N) * len(basis.M):
         basis = TensorBasis.of(lines, *degree, CHORD_SITES_PER_SPAN)
@@ -251,30 +216,6 @@ def iterate(
     .. math::
 
         X \leftarrow X + \arg\min_{\delta X} \lVert N\, \delta X\, B^{T} - E(X) \rVert^2
-
-    Parameters
-    ----------
-    lines : LineGrid
-        The lines of the control points.
-    basis : TensorBasis
-        The basis matrices :math:`N` and :math:`B` at the sample sites.
-    rows : SampleRows
-        The sections on which rays are cast.
-    offsets : array, shape (n, m)
-        Offsets :math:`X` of the control points along their lines [m], to start from.
-    samples : RaySamples
-        Hits of the rays through the surface with these offsets; they have the residuals :math:`E`.
-
-    Returns
-    -------
-    offsets : array, shape (n, m)
-        Of the iteration with the least residuals [m].
-    samples : RaySamples
-        Of the same iteration.
-    iterations : int
-        Number of iterations.
-    movement : array, shape (k, l), or None
-        Of the surface where rays hit, in the last iteration [m]; None if no control point moved.
     """
     best, least = (offsets, samples), rms_residual(samples.residuals)
     moves: list[float] = []
@@ -301,19 +242,7 @@ def iterate(
 
 
 def movement_of(lines: LineGrid, basis: TensorBasis, step: Array, samples: RaySamples) -> Array:
-    """Return how far a step of the offsets (n, m) [m] moves the surface where rays hit, shape (k, l) [m]; 0 elsewhere.
-
-    Parameters
-    ----------
-    lines : LineGrid
-        The lines of the control points.
-    basis : TensorBasis
-        The basis at the sample sites.
-    step : array, shape (n, m)
-        Of the control points along their lines [m].
-    samples : RaySamples
-        Hits of the rays.
-    """
+    """Return the motion (k, l) [m] of the surface by a step of the offsets (n, m) [m] where rays hit; 0 elsewhere."""
     movement = np.linalg.norm(basis.blend(step[..., None] * lines.directions), axis=2)
     return np.where(np.isnan(samples.residuals), 0.0, movement)
 
@@ -324,24 +253,7 @@ def rms_residual(residuals: Array) -> float:
 
 
 def check_coverage(mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples) -> None:
-    """Check that each plane and line is near samples that hit the mesh, or that are outside the boundary.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh. A grid across a face takes its direction and extent from the faces with outward normals.
-    lines : LineGrid
-        The lines of the control points.
-    basis : TensorBasis
-        The basis at the sample sites.
-    samples : RaySamples
-        Hits of the rays.
-
-    Raises
-    ------
-    EmptySection
-        If no ray near a u-plane or v-line hits the mesh, or too many rays have no hit.
-    """
+    """Check that each plane and line is near samples that hit the mesh, or that are outside the boundary."""
     missed = samples.missed
     if samples.outside is not None and np.isnan(samples.residuals).all():
         raise EmptySection("No sample ray hits the mesh inside the boundary. Move the boundary to the mesh.")

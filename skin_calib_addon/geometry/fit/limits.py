@@ -28,22 +28,6 @@ def better_axis(fit: SurfaceFit, region: Region, measure: str, error: float) -> 
 
     The other axes are the principal axes of the mesh and of its normals. A surface along one of them is better if it
     covers most of the mesh, does not fold, and is nearer to the mesh.
-
-    Parameters
-    ----------
-    fit : SurfaceFit
-        The nearest surface along the axis that was found.
-    region : Region
-        What it covers.
-    measure : "mean" or "max"
-        The distance that counts.
-    error : float
-        This distance of ``fit``, or the tolerance if it folds [m].
-
-    Returns
-    -------
-    cause, advice : str
-        As of ``limit_of``; None if there is no such axis.
     """
     if not isinstance(region, Tube) or region.axis is not None:
         return None
@@ -74,15 +58,6 @@ def principal_axes(mesh: TriangleMesh) -> list[Axis]:
     """Return lines through the centroid of a mesh along the principal axes of its surface and of its normals.
 
     They are rounded to 0.1 mm and three digits, because a message has them.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        [m]
-
-    Returns
-    -------
-    list of Axis
     """
     areas, centres = mesh.face_areas, mesh.triangles.mean(axis=1)
     centroid = areas @ centres / areas.sum()
@@ -103,20 +78,6 @@ def limit_of(fit: SurfaceFit, error: float, measure: str = "mean") -> tuple[str,
 
     Each sample site has one cause. For the mean, the one with the largest sum of distances counts; for the largest
     distance, that of its site.
-
-    Parameters
-    ----------
-    fit : SurfaceFit
-        The nearest surface.
-    error : float
-        Its distance [m].
-    measure : "mean" or "max"
-        The distance that counts.
-
-    Returns
-    -------
-    cause, advice : str
-        Parts of a sentence: "because ...", and an imperative.
     """
     lines, basis, samples = fit.lines, fit.basis, fit.samples
     slope = np.abs((samples.rays * fit.mesh.face_normals[samples.faces]).sum(axis=2))

@@ -34,24 +34,6 @@ def confirmed_error(
     The bounds of the distances are replaced by exact distances, first for a sample of all sizes, then from the largest
     bound on. This stops when the tolerance is confirmed. It also stops when the other distances would have to be
     smaller, relative to their bounds, than those of the sample.
-
-    Parameters
-    ----------
-    bounds : array, shape (k,)
-        Upper bounds of the distances [m]; infinite where nothing is known.
-    areas : array, shape (k,)
-        Area of each sample [m^2].
-    exact : function
-        Returns the exact distances of indices (i,), shape (i,) [m].
-    measure : "mean" or "max"
-        The statistic.
-    tolerance : float
-        [m]
-
-    Returns
-    -------
-    float
-        [m]
     """
     if len(bounds) == 0:
         return np.inf
@@ -85,18 +67,6 @@ def largest_distance(fit: "SurfaceFit", distance: MeshDistance) -> float:
 
     The distance is computed at the samples of the error report and on the edges. Those cells around the
     largest distances that can have a larger one are then searched on finer grids, and 2 % are added.
-
-    Parameters
-    ----------
-    fit : SurfaceFit
-        The fit.
-    distance : MeshDistance
-        To its mesh.
-
-    Returns
-    -------
-    float
-        [m]
     """
     surface = fit.surface
     u, v = sample_lines(surface, SAMPLES_PER_SPAN)
@@ -136,21 +106,7 @@ def largest_distance(fit: "SurfaceFit", distance: MeshDistance) -> float:
 
 
 def cells_around(surface: BSplineSurface, peaks: Array, width: Array) -> Array:
-    """Return a grid of parameters in a cell around each of some parameters, within the domain.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    peaks : array, shape (k, 2)
-        Centres of the cells.
-    width : array, shape (2,)
-        Half of the width of a cell along u and v.
-
-    Returns
-    -------
-    array, shape (k * PEAK_POINTS**2, 2)
-    """
+    """Return a grid of parameters in a cell around each of some parameters, within the domain."""
     step = np.linspace(-1, 1, PEAK_POINTS)
     offsets = pairs_of(step, step) * width
     uv = (peaks[:, None] + offsets).reshape(-1, 2)

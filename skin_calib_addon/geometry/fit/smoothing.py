@@ -29,23 +29,7 @@ STIFFNESSES = np.logspace(-5, 4, 37)  # [1] candidates, relative to the weight o
 
 
 def looks_noisy(mesh: TriangleMesh, samples: RaySamples, gaps: Array | float, unknowns: int) -> bool:
-    """Return whether the residuals of the least squares look like the noise of a scan that is denser than the net.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    samples : RaySamples
-        Of the least squares without stiffness.
-    gaps : array, shape (k, l), or 0
-        Intended distance of the surface outside the mesh at each site [m].
-    unknowns : int
-        Number of control points.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether the residuals of the least squares look like the noise of a scan that is denser than the net."""
     residuals = samples.residuals + gaps
     size = np.abs(residuals[~np.isnan(residuals)])
     rms = np.sqrt((size**2).mean())
@@ -64,19 +48,6 @@ def sites_for_noise(mesh: TriangleMesh, basis: TensorBasis, samples: RaySamples)
     """Return the sites per span and direction that give about as many samples as the mesh has vertices.
 
     Fewer sites leave vertices out of the mean that removes the noise.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    basis : TensorBasis
-        The basis at the current sample sites.
-    samples : RaySamples
-        At these sites.
-
-    Returns
-    -------
-    int
     """
     spans = basis.spans * (~np.isnan(samples.residuals)).mean()  # without holes
     return min(int(np.ceil(np.sqrt(hit_vertices(mesh, samples) / spans))), MAX_SITES_PER_SPAN)
@@ -86,17 +57,6 @@ def hit_vertices(mesh: TriangleMesh, samples: RaySamples) -> int:
     """Return the number of corners of the facets that rays hit.
 
     Other vertices, such as those of a subdivision, are between corners and have no noise of their own.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    samples : RaySamples
-        The hits of the rays.
-
-    Returns
-    -------
-    int
     """
     return int(facet_corners(mesh, samples.faces[~np.isnan(samples.residuals)]).sum())
 
@@ -115,26 +75,6 @@ def best_stiffness(
     of independent samples. Samples on the same facet have the noise of the same corners. The mean of the facets over
     many vertices has the variance of half as many independent samples, so :math:`n` is at most half of the number of
     vertices.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    basis : TensorBasis
-        The basis at the sample sites.
-    samples : RaySamples
-        Of the least squares without stiffness.
-    gaps : array, shape (k, l), or 0
-        Intended distance of the surface outside the mesh at each site [m].
-    offsets : array, shape (n, m)
-        Of the control points along their lines [m].
-
-    Returns
-    -------
-    stiffness : float
-        For ``TensorBasis.solve``; 0 if stiffness does not improve the prediction.
-    noise : float
-        Standard deviation of the mesh about the surface [m]; 0 without stiffness.
     """
     known = ~np.isnan(samples.residuals)
     square = float(((samples.residuals + gaps)[known] ** 2).sum())

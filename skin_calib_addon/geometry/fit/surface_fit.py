@@ -314,21 +314,7 @@ class SurfaceFit:
 
 
 def surface_at(lines: LineGrid, basis: TensorBasis, offsets: Array) -> BSplineSurface:
-    """Return the surface whose control points have these offsets along their lines.
-
-    Parameters
-    ----------
-    lines : LineGrid
-        The lines of the control points.
-    basis : TensorBasis
-        Gives knots and degrees.
-    offsets : array, shape (n, m)
-        [m]
-
-    Returns
-    -------
-    BSplineSurface
-    """
+    """Return the surface whose control points have these offsets along their lines."""
     net = basis.close(lines.origins + offsets[..., None] * lines.directions)
     degree = (basis.degree_u, basis.degree_v)
     return BSplineSurface(net, basis.u.knots, basis.v.knots, degree, (False, lines.closed), lines.centre)

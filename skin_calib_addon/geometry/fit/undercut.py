@@ -31,21 +31,7 @@ POINTS_PER_SITE = 8
 def undercut_warnings(
     mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples, surface: BSplineSurface
 ) -> Iterator[Warning]:
-    """Yield a warning where a section folds back behind itself, and the surface is far from this part.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh, [m] in the link frame.
-    lines : LineGrid
-        The lines of the control points.
-    basis : TensorBasis
-        The basis at the sample sites.
-    samples : RaySamples
-        Of the last iteration.
-    surface : BSplineSurface
-        The fitted surface.
-    """
+    """Yield a warning where a section folds back behind itself, and the surface is far from this part."""
     found = undercuts(mesh, lines, basis, samples, surface)
     distance, place = max(found.values(), key=lambda found: found[0], default=(0.0, Place()))
     if distance > UNDERCUT_DISTANCE:
@@ -65,18 +51,7 @@ def undercut_warnings(
 def undercuts(
     mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples, surface: BSplineSurface
 ) -> dict[int, tuple[float, Place]]:
-    """Return the largest distance of a folded part from the surface, for the rows whose section folds back.
-
-    Parameters
-    ----------
-    mesh, lines, basis, samples, surface
-        As for ``undercut_warnings``.
-
-    Returns
-    -------
-    dict of int to (float, Place)
-        Distance [m] and place by row of sample sites.
-    """
+    """Return the largest distance of a folded part from the surface, for the rows whose section folds back."""
     found: dict[int, tuple[float, Place]] = {}
     if not samples.folds.any():
         return found
@@ -116,24 +91,7 @@ def _distances(surface: BSplineSurface, points: Array, chosen: IntArray) -> Arra
 
 
 def distances_to_curve(points: Array, curve: Array, closed: bool) -> tuple[Array, IntArray]:
-    """Return the distances of points to a chain of segments, and the nearest corner of each.
-
-    Parameters
-    ----------
-    points : array, shape (k, 2)
-        [m]
-    curve : array, shape (n, 2)
-        Corners [m].
-    closed : bool
-        Whether the last corner is next to the first. The end of an open curve has no distance: points next to it are
-        beyond the curve.
-
-    Returns
-    -------
-    distance : array, shape (k,)
-        [m]; 0 beyond the ends of an open curve.
-    nearest : array of int, shape (k,)
-    """
+    """Return the distances of points to a chain of segments, and the nearest corner of each."""
     nearest = np.asarray(cKDTree(curve).query(points)[1])
     distance = np.full(len(points), np.inf)
     for step in (-1, 0):

@@ -77,17 +77,6 @@ def tube_frame(mesh: TriangleMesh, axis: Axis | None) -> TubeFrame:
     """Return the frame of a tube: about the given axis, or about the axis of the mesh.
 
     The shape defines angle zero (see ``zero_direction``), so that the lines move together with the mesh.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The tube.
-    axis : Axis or None
-        None: found from the mesh.
-
-    Returns
-    -------
-    TubeFrame
     """
     frame = find_axis(mesh) if axis is None else frame_of(np.asarray(axis.point), np.asarray(axis.direction))
     return frame_of(frame.point, frame.e3, zero_direction(mesh, frame))
@@ -110,18 +99,6 @@ def zero_direction(mesh: TriangleMesh, frame: TubeFrame) -> Array:
     - Of equal maxima, the one counts after which the next maximum follows soonest; a mirrored pair then has a first.
     - Of equal maxima at equal distances, the one next to ``link_direction`` counts: such a tube has a symmetry.
     - A round tube has no maximum. ``link_direction`` then is angle zero. Between the two, both have an influence.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The tube.
-    frame : TubeFrame
-        About its axis; angles count from its ``e1``.
-
-    Returns
-    -------
-    array, shape (3,)
-        Unit vector across the axis.
     """
     c = profile_harmonics(mesh, frame)
     k = np.arange(1, len(c) + 1)
@@ -142,20 +119,7 @@ def zero_direction(mesh: TriangleMesh, frame: TubeFrame) -> Array:
 
 
 def profile_harmonics(mesh: TriangleMesh, frame: TubeFrame) -> ComplexArray:
-    """Return the harmonics of the profile about an axis, as in ``zero_direction``; inner parts have no influence.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The tube.
-    frame : TubeFrame
-        About its axis.
-
-    Returns
-    -------
-    array of complex, shape (ZERO_HARMONICS,)
-        Without unit.
-    """
+    """Return the harmonics of the profile about an axis, as in ``zero_direction``; inner parts have no influence."""
     height = frame.stations(mesh.vertices)
     stations, weights = gauss_stations(float(height.min()), float(height.max()), ZERO_SECTIONS)
     sections = cut_sections(mesh, frame.planes(stations))
@@ -171,20 +135,7 @@ def profile_harmonics(mesh: TriangleMesh, frame: TubeFrame) -> ComplexArray:
 
 
 def first_in_turn(angles: Array, link: float) -> float:
-    """Return the angle after which the next one follows soonest; of equal ones, that nearest to the link's direction.
-
-    Parameters
-    ----------
-    angles : array, shape (k,)
-        From 0 to one turn [rad].
-    link : float
-        Angle of the link's direction [rad].
-
-    Returns
-    -------
-    float
-        [rad]
-    """
+    """Return the angle with the nearest next one; of equal ones, that nearest to the link's direction."""
     angles = np.sort(angles)
     gaps = (np.roll(angles, -1) - angles) % TURN
     first = np.arange(len(angles))
@@ -209,22 +160,7 @@ def gauss_rule(count: int) -> tuple[Array, Array]:
 
 
 def segment_points(ends: Array, count: int) -> tuple[Array, Array]:
-    """Return points on segments that integrate polynomials exactly, so that divided segments give the same integral.
-
-    Parameters
-    ----------
-    ends : array, shape (s, 2, 2) or (s, 2, 3)
-        Of the segments [m].
-    count : int
-        Points on each segment; exact up to the degree ``2 * count - 1``.
-
-    Returns
-    -------
-    points : array, shape (s, count, 2) or (s, count, 3)
-        [m]
-    lengths : array, shape (s, count)
-        Weight of each point; their sum is the length of the segment [m].
-    """
+    """Return points on segments that integrate polynomials exactly, so that divided segments give the same integral."""
     fractions, weights = gauss_stations(0.0, 1.0, count)
     steps = ends[:, 1] - ends[:, 0]
     return ends[:, :1] + fractions[:, None] * steps[:, None], np.linalg.norm(steps, axis=1)[:, None] * weights
@@ -237,13 +173,6 @@ def find_axis(mesh: TriangleMesh) -> TubeFrame:
     The first direction is the one with the least squared projections of the face normals. The line then fits the
     centres of circles fitted to the sections of the middle half. (The paper joins the centroids of two sections.) If
     both ends are equally thick, the axis runs to the side of the link frame that ``link_side`` prefers.
-
-    Raises
-    ------
-    EmptySection
-        If the mesh is no tube: sections across its axis are empty.
-    InvalidPlan
-        If the mesh is a thin sheet: it has no axis, or only the author can choose its side.
     """
     normals, areas = mesh.face_normals, mesh.face_areas
     spread = np.einsum("f,fi,fj->ij", areas, normals, normals)
@@ -290,27 +219,7 @@ def find_axis(mesh: TriangleMesh) -> TubeFrame:
 
 
 def axis_through(mesh: TriangleMesh, first: Array, second: Array) -> Axis:
-    """Return the line through the centres of the two sections across it at two points of the mesh, as in the paper.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The tube.
-    first, second : array, shape (3,)
-        Points on the mesh [m]; the axis runs from the first section to the second.
-
-    Returns
-    -------
-    Axis
-        In the link frame.
-
-    Raises
-    ------
-    EmptySection
-        If a section has no centre.
-    InvalidPlan
-        If the two sections are too close to each other.
-    """
+    """Return the line through the centres of the two sections across it at two points of the mesh, as in the paper."""
     points = np.array((first, second), float)
     direction = find_axis(mesh).e3
     direction = direction * np.sign((points[1] - points[0]) @ direction)
@@ -336,22 +245,6 @@ def section_circles(sections: Sections, frame: TubeFrame) -> tuple[Array, Array,
         r = \sqrt{c + x^2 + y^2}
 
     The integral goes over the length of the section, whose points are :math:`(\xi, \eta)` [m].
-
-    Parameters
-    ----------
-    sections : Sections
-        Across the axis of the frame.
-    frame : TubeFrame
-        The frame.
-
-    Returns
-    -------
-    centres : array, shape (k, 3)
-        [m]
-    radii : array, shape (k,)
-        [m]
-    planes : array of int, shape (k,)
-        The plane of each circle.
     """
     centres, radii, planes = [], [], []
     for i in range(sections.planes):
@@ -370,31 +263,7 @@ def section_circles(sections: Sections, frame: TubeFrame) -> tuple[Array, Array,
 
 
 def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None, angles: Array) -> tuple[float, float]:
-    """Return the first and the last station of a tube's planes [m].
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The tube.
-    frame : TubeFrame
-        Its frame.
-    margin : float or None
-        Length left free at both ends [m]; None takes the longest run of sections that every ray at ``angles`` hits.
-    angles : array, shape (l,)
-        [rad]
-
-    Returns
-    -------
-    first, last : float
-        [m]
-
-    Raises
-    ------
-    InvalidPlan
-        If the margins leave nothing between them.
-    EmptySection
-        If no section is complete, or the complete sections are shorter than ``MIN_TUBE_LENGTH``.
-    """
+    """Return the first and the last station of a tube's planes [m]."""
     height = frame.stations(mesh.vertices)
     low, high = float(height.min()), float(height.max())
     if margin is not None:
@@ -436,20 +305,6 @@ def run_between(
     """Return the stations half a step within the exact ends of a run of complete sections [m].
 
     The trial stations themselves would jump by a step where an end moves past one of them.
-
-    Parameters
-    ----------
-    is_complete : function
-        Returns whether the section at each station is complete.
-    stations : array, shape (k,)
-        Trial stations at even steps [m].
-    first, last : int
-        Index of the first station of the run, and the index after its last.
-
-    Returns
-    -------
-    first, last : float
-        [m]
     """
     step = stations[1] - stations[0]
     inside, part = stations[[first, last - 1]], np.array((-step, step))
@@ -480,21 +335,7 @@ def _opening(hit: BoolArray, stations: Array, angles: Array, frame: TubeFrame) -
 
 
 def rays_hit(sections: Sections, frame: TubeFrame, angles: Array) -> BoolArray:
-    """Return which rays at ``angles`` from the axis hit each section.
-
-    Parameters
-    ----------
-    sections : Sections
-        Across the axis of the frame.
-    frame : TubeFrame
-        The frame.
-    angles : array, shape (l,)
-        [rad]
-
-    Returns
-    -------
-    array of bool, shape (sections.planes, l)
-    """
+    """Return which rays at ``angles`` from the axis hit each section."""
     shape = (sections.planes, len(angles))
     directions = np.broadcast_to(np.column_stack((np.cos(angles), np.sin(angles))), (*shape, 2))
     centres = np.zeros((sections.planes, 2))
@@ -516,18 +357,6 @@ def long_direction(triangles: Array, up: Array) -> Array:
     the smallest rectangle around it, if this is clearly smaller than the rectangle along :math:`\alpha`.
 
     The link frame decides what the shape does not: the angle of a round face, and the sense of a symmetric one.
-
-    Parameters
-    ----------
-    triangles : array, shape (f, 3, 3)
-        Corners of the triangles of the face [m].
-    up : array, shape (3,)
-        Unit normal of the face.
-
-    Returns
-    -------
-    array, shape (3,)
-        Unit vector across the normal.
     """
     frame = frame_of(np.zeros(3), up, link_direction(up))
     x, y = np.moveaxis(frame.across(triangles), -1, 0)
@@ -555,18 +384,6 @@ def rectangle_angle(points: Array, angle: float) -> float:
 
     One of its sides is along a side of the convex hull (Freeman and Shapira, 1975). Of equal rectangles, and of equal
     sides, the one nearest to the given angle counts, then the one next to angle zero.
-
-    Parameters
-    ----------
-    points : array, shape (k, 2)
-        [m]
-    angle : float
-        From -90 to 90 degrees [rad]; it is returned if the rectangle along it is hardly larger.
-
-    Returns
-    -------
-    float
-        [rad]
     """
     corners = points[ConvexHull(points).vertices]
     x, y = (np.roll(corners, -1, axis=0) - corners).T

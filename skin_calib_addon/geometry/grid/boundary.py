@@ -24,33 +24,11 @@ class Boundary:
 
     @classmethod
     def of(cls, loops: list[Array], period: float) -> "Boundary":
-        """Return the boundary of loops.
-
-        Parameters
-        ----------
-        loops : list of array, shape (k, 2)
-            s and t of the corners of each loop, in order.
-        period : float
-            Of t; infinite over a face.
-
-        Returns
-        -------
-        Boundary
-        """
+        """Return the boundary of loops."""
         return cls(np.concatenate(loops), np.concatenate([np.roll(loop, -1, axis=0) for loop in loops]), period)
 
     def contains(self, points: Array) -> BoolArray:
-        """Return whether points are inside.
-
-        Parameters
-        ----------
-        points : array, shape (..., 2)
-            s and t; NaN is outside.
-
-        Returns
-        -------
-        array of bool, shape (...)
-        """
+        """Return whether points are inside."""
         flat = points.reshape(-1, 2)
         count = max(1, BLOCK // max(1, int(np.diff(self._bands[1]).max())))
         inside = [self._contains(flat[k : k + count]) for k in range(0, len(flat), count)]

@@ -59,19 +59,7 @@ class CurvedAxis:
         return Planes(self._curve(inside) + (s - inside)[:, None] * tangents, tangents)
 
     def fan(self, stations: Array, angles: Array) -> Array:
-        """Return unit directions away from the curve.
-
-        Parameters
-        ----------
-        stations : array, shape (k,)
-            [m]
-        angles : array, shape (l,)
-            [rad]
-
-        Returns
-        -------
-        array, shape (k, l, 3)
-        """
+        """Return unit directions away from the curve."""
         e3 = self.planes(stations).normals
         near = np.stack([np.interp(stations, self.stations, column) for column in self.e1.T], axis=1)
         e1 = unit(near - (near * e3).sum(axis=1, keepdims=True) * e3)
@@ -85,22 +73,6 @@ def find_curved_axis(mesh: TriangleMesh, frame: TubeFrame) -> CurvedAxis | None:
 
     The centres of the sections across one curve give the next curve, until the planes are perpendicular to it. Where
     steps and ends make the curves alternate, the one nearest to the centres of its own sections counts.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The tube.
-    frame : TubeFrame
-        About the straight axis.
-
-    Returns
-    -------
-    CurvedAxis or None
-
-    Raises
-    ------
-    EmptySection
-        If the sections across a curved axis are open.
     """
     height = frame.stations(mesh.vertices)
     inset = END_INSET * float(np.ptp(height))
@@ -126,26 +98,7 @@ def find_curved_axis(mesh: TriangleMesh, frame: TubeFrame) -> CurvedAxis | None:
 
 
 def section_centres(mesh: TriangleMesh, planes: Planes, fan: Array) -> tuple[Array, float, BoolArray]:
-    """Return the centres of the sections that nearly all rays hit, and their mean radius.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The tube.
-    planes : Planes
-        Of the sections; the rays start at their points.
-    fan : array, shape (k, l, 3)
-        Unit directions of the rays in each plane.
-
-    Returns
-    -------
-    centres : array, shape (j, 3)
-        [m]
-    radius : float
-        [m]
-    complete : array of bool, shape (k,)
-        Which sections they are.
-    """
+    """Return the centres of the sections that nearly all rays hit, and their mean radius."""
     distances = cast_rays(mesh, planes, np.broadcast_to(planes.points[:, None], fan.shape), fan)
     whole = np.isnan(distances).mean(axis=1) < MAX_MISSED_FRACTION
     if not whole.any():
@@ -162,19 +115,7 @@ def centroids(arms: Array) -> Array:
 
 
 def curve_through(centres: Array, first: Array) -> CurvedAxis:
-    """Return a smooth curve near some centres, with frames of least rotation.
-
-    Parameters
-    ----------
-    centres : array, shape (k, 3)
-        In order [m].
-    first : array, shape (3,)
-        Direction of ``e1`` at the first centre.
-
-    Returns
-    -------
-    CurvedAxis
-    """
+    """Return a smooth curve near some centres, with frames of least rotation."""
     chord_length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1)))
     fine = np.linspace(0, chord_length[-1], 16 * len(centres))
     scaled = 2 * chord_length / chord_length[-1] - 1
@@ -192,29 +133,7 @@ def curve_through(centres: Array, first: Array) -> CurvedAxis:
 
 
 def curved_axis_span(mesh: TriangleMesh, axis: CurvedAxis, margin: float | None) -> tuple[float, float]:
-    """Return the first and last station of the planes: the longest run of complete sections, or margins from the ends.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The tube.
-    axis : CurvedAxis
-        Its axis.
-    margin : float or None
-        Length left free at both ends [m]; None takes the complete sections.
-
-    Returns
-    -------
-    first, last : float
-        [m]
-
-    Raises
-    ------
-    EmptySection
-        If no sections are complete, or they are shorter than ``MIN_TUBE_LENGTH``.
-    InvalidPlan
-        If the margin leaves nothing.
-    """
+    """Return the first and last station [m]: the longest run of complete sections, or margins from the ends."""
     length = axis.stations[-1]
     trials = np.linspace(-0.5 * length, 1.5 * length, TRIAL_STATIONS)
 

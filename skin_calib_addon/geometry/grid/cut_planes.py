@@ -13,22 +13,7 @@ SNAP_COSINE = np.cos(np.radians(5.0))
 
 
 def cut_normal(mesh: TriangleMesh, point: Array, direction: Array | None = None) -> Array:
-    """Return the unit normal of a plane across a direction, towards the larger part of the mesh.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh to cut.
-    point : array, shape (3,)
-        Of the plane [m], link frame.
-    direction : array, shape (3,), optional
-        Along the link, of any length; by default that of the mesh. A direction near an axis of the frame becomes this
-        axis.
-
-    Returns
-    -------
-    array, shape (3,)
-    """
+    """Return the unit normal of a plane across a direction, towards the larger part of the mesh."""
     if direction is None:
         direction = long_direction(mesh)
     direction = unit(direction)

@@ -114,26 +114,7 @@ class ErrorModel:
 
     @classmethod
     def of(cls, mesh: TriangleMesh, parametrization: Parametrization, planes: int) -> "ErrorModel":
-        """Sample a mesh, finely enough to place a number of planes.
-
-        Parameters
-        ----------
-        mesh : TriangleMesh
-            The mesh.
-        parametrization : TubeParametrization or FaceParametrization
-            The region.
-        planes : int
-            Largest number of planes.
-
-        Returns
-        -------
-        ErrorModel
-
-        Raises
-        ------
-        EmptySection
-            If no ray hits the mesh.
-        """
+        """Sample a mesh, finely enough to place a number of planes."""
         rows = min(max(PROFILE_SITES_PER_PLANE * planes, MIN_PROFILE_SITES), MAX_PROFILE_SITES)
         s, t = np.linspace(*parametrization.span, rows + 1), outline_positions(parametrization)
         outline_s = _outline_stations(parametrization)
@@ -154,15 +135,7 @@ class ErrorModel:
         )
 
     def remembered(self, given: tuple[Any, ...], make: Callable[[], Result]) -> Result:
-        """Return what was computed from the outlines before, or compute it.
-
-        Parameters
-        ----------
-        given : tuple
-            Its name and its input except for the outlines.
-        make : function
-            Computes it.
-        """
+        """Return what was computed from the outlines before, or compute it."""
         if given not in self.memory:
             self.memory[given] = make()
         found: Result = self.memory[given]
@@ -227,22 +200,7 @@ class ErrorModel:
         )
 
     def misfits_across(self, t: Array, degree: int, measure: str) -> Array:
-        """Return the mean or largest distance of choices of lines from the outlines.
-
-        Parameters
-        ----------
-        t : array, shape (..., m)
-            The choices of lines.
-        degree : int
-            Of the spline.
-        measure : "mean" or "max"
-            The statistic.
-
-        Returns
-        -------
-        array, shape (...)
-            [m]
-        """
+        """Return the mean or largest distance of choices of lines from the outlines."""
         closed, count = self.parametrization.closed, t.shape[-1]
         at, height, _, residuals = self._with_enough_sites(count if closed else count - degree)._fit_across(t, degree)
         step = self.parametrization.steps(height)
@@ -251,22 +209,7 @@ class ErrorModel:
         return misfits(residuals / slope, self._known_across(at) * widths * step * slope, measure)
 
     def misfits_along(self, s: Array, degree: int, measure: str) -> Array:
-        """Return the mean or largest distance of choices of planes from the profiles.
-
-        Parameters
-        ----------
-        s : array, shape (..., n)
-            The choices of planes [m].
-        degree : int
-            Of the spline.
-        measure : "mean" or "max"
-            The statistic.
-
-        Returns
-        -------
-        array, shape (...)
-            [m]
-        """
+        """Return the mean or largest distance of choices of planes from the profiles."""
         sites, known, residuals = self._with_enough_sites(s.shape[-1] - degree)._fit_along(s, degree)
         at = over_rows(s, sites.values.T)
         slope = np.hypot(1, interpolated(self._profile_slopes, self.profile_s, at[..., None, :], False))
@@ -277,61 +220,18 @@ class ErrorModel:
         return replace(self, per_span=sites_per_span(self.per_span, spans, MIN_ERROR_SITES))
 
     def errors_across(self, t: Array, degree: int) -> Array:
-        """Return the errors of several choices of lines.
-
-        Parameters
-        ----------
-        t : array, shape (c, m)
-            The choices of lines.
-        degree : int
-            Of the spline.
-
-        Returns
-        -------
-        array, shape (c,)
-            Root mean squares of the residuals, corrected for the number of unknowns [m].
-        """
+        """Return the errors of several choices of lines."""
         at, _, _, residuals = self._fit_across(t, degree)
         return root_mean_squares(residuals, self._known_across(at), t.shape[-1])
 
     def error_across(self, t: Array, degree: int) -> tuple[float, Array]:
-        """Return the error of lines, and of each span.
-
-        Parameters
-        ----------
-        t : array, shape (m,)
-            The lines.
-        degree : int
-            Of the spline.
-
-        Returns
-        -------
-        error : float
-            Root mean square of the residuals, corrected for the number of unknowns [m].
-        energies : array, shape (spans,)
-            Mean square of each span of the spline [m^2].
-        """
+        """Return the error of lines, and of each span."""
         closed = self.parametrization.closed
         at, _, _, residuals = self._fit_across(t, degree)
         return span_errors(residuals, self._known_across(at), len(t), len(t) if closed else len(t) - degree, closed)
 
     def slopes_across(self, t: Array, degree: int) -> tuple[Array, Array]:
-        """Return the residuals of lines, and their derivatives by the position of each line.
-
-        Parameters
-        ----------
-        t : array, shape (m,)
-            The lines.
-        degree : int
-            Of the spline.
-
-        Returns
-        -------
-        residuals : array, shape (k,)
-            Between outlines and spline [m]; 0 where the mesh was not hit.
-        slopes : array, shape (k, m)
-            Their derivatives, where the heights have any.
-        """
+        """Return the residuals of lines, and their derivatives by the position of each line."""
         sites = spline_sites(len(t), degree, self.parametrization.closed, self.per_span)
         at, height, offsets, residuals = self._fit_across(t, degree)
         known = self._known_across(at)
@@ -350,18 +250,6 @@ class ErrorModel:
             \frac{\lVert e - e' \rVert^2}{2\, \lVert e \rVert^2}
 
         of the squares. Other positions cannot reduce the rest.
-
-        Parameters
-        ----------
-        planes, lines : int
-            Numbers of planes, and of lines in each plane.
-        degree : (int, int)
-            Of the surface along u and v.
-
-        Returns
-        -------
-        across, along : float
-            Of the sum of squares in both directions.
         """
         few = replace(
             self,
@@ -427,60 +315,17 @@ class ErrorModel:
         return is_known(self.outlines_known, self.outline_t, at, self.parametrization.closed)
 
     def errors_along(self, s: Array, degree: int) -> Array:
-        """Return the errors of several choices of planes, as for lines across.
-
-        Parameters
-        ----------
-        s : array, shape (c, n)
-            The choices of planes [m].
-        degree : int
-            Of the spline.
-
-        Returns
-        -------
-        array, shape (c,)
-            [m]
-        """
+        """Return the errors of several choices of planes, as for lines across."""
         sites, known, residuals = self._fit_along(s, degree)
         return root_mean_squares(residuals, known, s.shape[-1], lengths(over_rows(s, sites.values.T)))
 
     def error_along(self, s: Array, degree: int) -> tuple[float, Array]:
-        """Return the error of planes and of each span, as for lines across; each site is weighted by its length.
-
-        Parameters
-        ----------
-        s : array, shape (n,)
-            The planes [m].
-        degree : int
-            Of the spline.
-
-        Returns
-        -------
-        error : float
-            [m]
-        energies : array, shape (spans,)
-            [m^2]
-        """
+        """Return the error of planes and of each span, as for lines across; each site is weighted by its length."""
         sites, known, residuals = self._fit_along(s, degree)
         return span_errors(residuals, known, len(s), len(s) - degree, False, lengths(sites.values @ s))
 
     def slopes_along(self, s: Array, degree: int) -> tuple[Array, Array]:
-        """Return the residuals of planes and their derivatives, as for lines; each site is weighted by its length.
-
-        Parameters
-        ----------
-        s : array, shape (n,)
-            The planes [m].
-        degree : int
-            Of the spline.
-
-        Returns
-        -------
-        residuals : array, shape (k,)
-            Weighted with the root of the length.
-        slopes : array, shape (k, n)
-            Their derivatives.
-        """
+        """Return the residuals of planes and their derivatives, as for lines; each site is weighted by its length."""
         sites, known, residuals = self._fit_along(s, degree)
         at = sites.values @ s
         slope = interpolated(self._profile_slopes, self.profile_s, at[None], False)

@@ -278,17 +278,7 @@ def _parametrization(region: Region, mesh: TriangleMesh) -> Parametrization:
 
 
 def length_warnings(region: Region, parametrization: Parametrization, mesh: TriangleMesh) -> tuple[Warning, ...]:
-    """Return a warning if the complete sections, which end a tube or a sector without a margin, are a short part of it.
-
-    Parameters
-    ----------
-    region : Region
-        With a margin or a boundary, or across a face, there is no warning.
-    parametrization : TubeParametrization or FaceParametrization
-        Of this region of the mesh.
-    mesh : TriangleMesh
-        The mesh, [m] in the link frame.
-    """
+    """Return a warning if the complete sections between the default margins are a short part of the link."""
     if region.margin is not None or region.boundary or not isinstance(parametrization, TubeParametrization):
         return ()
     frame, (first, last) = parametrization.frame, parametrization.span
@@ -445,23 +435,7 @@ def region_of(
     sector: tuple[float, float] | None = None,
     normal: Vector | None = None,
 ) -> Region:
-    """Return the region with these members, as of ``AutoGrid``.
-
-    Parameters
-    ----------
-    axis : Axis, optional
-        Of the tube; by default found from the mesh.
-    margin : float, optional
-        Left free at the ends [m].
-    sector : (float, float), optional
-        First and last angle about the axis [rad].
-    normal : (float, float, float), optional
-        Outward normal of a face.
-
-    Returns
-    -------
-    Region
-    """
+    """Return the region with these members, as of ``AutoGrid``."""
     if normal is not None:
         return Across(axis, margin, normal=normal)
     if sector is not None:
@@ -610,22 +584,7 @@ def _nearly_parallel(i: int, j: int, angle: float) -> Warning:
 
 
 def check_order(points: Array, name: str, size: float) -> None:
-    """Check that planes follow each other; otherwise the surface would fold.
-
-    Parameters
-    ----------
-    points : array, shape (n, 3)
-        A point of each plane [m].
-    name : str
-        "u" or "v".
-    size : float
-        Size of the mesh [m].
-
-    Raises
-    ------
-    InvalidPlan
-        If a plane is equal to the one before it, or on the side it came from; the message names the first such plane.
-    """
+    """Check that planes follow each other; otherwise the surface would fold."""
     steps = np.diff(points, axis=0)
     back = np.append(False, (steps[1:] * steps[:-1]).sum(axis=1) < 0) if len(steps) else np.zeros(0, bool)
     wrong = np.flatnonzero(back | (np.linalg.norm(steps, axis=1) < SAME_PLANE_FRACTION * size))
@@ -647,29 +606,7 @@ def lines_on(
     degree: tuple[int, int],
     draft: bool = False,
 ) -> ParametrizedLines:
-    """Return the lines of planes over a region; for "uniform" ones only the middle of the mesh is sampled.
-
-    Parameters
-    ----------
-    parametrization : TubeParametrization or FaceParametrization
-        The region.
-    mesh : TriangleMesh
-        The mesh, [m] in the link frame.
-    n : int
-        Number of u-planes.
-    lines : int
-        Lines in each u-plane.
-    spacing : str
-        "auto", "uniform", "arc" or "curvature".
-    degree : (int, int)
-        Of the surface along u and v.
-    draft : bool
-        As for ``Grid.line_grid``.
-
-    Returns
-    -------
-    ParametrizedLines
-    """
+    """Return the lines of planes over a region; for "uniform" ones only the middle of the mesh is sampled."""
     if spacing == "uniform":
         last = lines if parametrization.closed else lines - 1
         t = (

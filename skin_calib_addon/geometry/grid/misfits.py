@@ -14,35 +14,12 @@ def shifted(positions: Array) -> Array:
 
 
 def moving_part(residuals: Array, others: Array) -> tuple[float, float]:
-    """Return the mean square of residuals, and of the part that residuals of another spline do not have in common.
-
-    Parameters
-    ----------
-    residuals, others : array, shape (r, k)
-        At the same points [m].
-
-    Returns
-    -------
-    whole, moving : float
-        [m^2]
-    """
+    """Return the mean square of residuals, and of the part that residuals of another spline do not have in common."""
     return float((residuals**2).mean()), float(((residuals - others) ** 2).mean() / 2)
 
 
 def refitted(changes: Array, sites: SplineSites) -> Array:
-    """Return the residuals of a least-squares fit to changes at the sites.
-
-    Parameters
-    ----------
-    changes : array, shape (r, l, m)
-        m changes in each of r rows.
-    sites : SplineSites
-        The basis.
-
-    Returns
-    -------
-    array, shape (r, l, m)
-    """
+    """Return the residuals of a least-squares fit to changes at the sites."""
     r, l, m = changes.shape
     flat = changes.transpose(1, 0, 2).reshape(l, -1)
     left = flat - sites.values @ (sites.inverse @ flat)
@@ -68,46 +45,14 @@ def mean_square(values: Array) -> Array:
 
 
 def is_known(known: Array, positions: Array, at: Array, closed: bool) -> BoolArray:
-    """Return whether rows are known on both sides of positions.
-
-    Parameters
-    ----------
-    known : array, shape (r, k)
-        1 where the row is known, at even positions.
-    positions : array, shape (k,)
-        The even positions.
-    at : array, shape (..., r, l) or (..., 1, l)
-        The wanted positions.
-    closed : bool
-        Whether the first position follows the last.
-
-    Returns
-    -------
-    array of bool, shape (..., r, l)
-    """
+    """Return whether rows are known on both sides of positions."""
     if known.all():
         return np.ones((*at.shape[:-2], len(known), at.shape[-1]), bool)
     return interpolated(known, positions, at, closed) == 1
 
 
 def interpolated(heights: Array, known: Array, wanted: Array, closed: bool) -> Array:
-    """Interpolate heights at even positions linearly.
-
-    Parameters
-    ----------
-    heights : array, shape (r, k)
-        At the even positions [m].
-    known : array, shape (k,)
-        The even positions.
-    wanted : array, shape (..., r, l), or (..., 1, l) for the same in all rows
-        The wanted positions.
-    closed : bool
-        Whether the first height follows the last.
-
-    Returns
-    -------
-    array, shape (..., r, l)
-    """
+    """Interpolate heights at even positions linearly."""
     r, k = heights.shape
     position = (wanted - known[0]) / (known[1] - known[0])
     if not closed:
@@ -125,22 +70,7 @@ def interpolated(heights: Array, known: Array, wanted: Array, closed: bool) -> A
 
 
 def misfits(residuals: Array, weights: Array, measure: str) -> Array:
-    """Return the mean or largest absolute value of residuals; a weight of zero excludes a site.
-
-    Parameters
-    ----------
-    residuals : array, shape (..., r, sites)
-        [m]
-    weights : array, shape (..., r, sites)
-        For the mean.
-    measure : "mean" or "max"
-        The statistic.
-
-    Returns
-    -------
-    array, shape (...)
-        [m]
-    """
+    """Return the mean or largest absolute value of residuals; a weight of zero excludes a site."""
     size = np.abs(residuals) * (weights if measure == "mean" else weights > 0)
     if measure == "max":
         return np.asarray(size.max(axis=(-2, -1)))
@@ -155,22 +85,6 @@ def root_mean_squares(residuals: Array, known: BoolArray, unknowns: int, weights
         \sqrt{ \frac{\sum w e^2}{\sum w\, (1 - m / l)} }
 
     for :math:`m` unknowns and :math:`l` sites per row.
-
-    Parameters
-    ----------
-    residuals : array, shape (..., r, sites)
-        The residuals :math:`e` [m].
-    known : array of bool, shape (..., r, sites)
-        Sites where the mesh was not hit do not count.
-    unknowns : int
-        The number :math:`m`.
-    weights : array, shape (..., sites), or float
-        The weights :math:`w`.
-
-    Returns
-    -------
-    array, shape (...)
-        [m]
     """
     counts, squares = known.sum(axis=-2), (residuals**2 * known).sum(axis=-2)
     known = (counts * weights).sum(axis=-1) * (1 - unknowns / residuals.shape[-1])
@@ -184,28 +98,6 @@ def span_errors(
 
     A span without hits has no error. A site on a knot counts half for each side, so that a mirrored mesh has mirrored
     errors.
-
-    Parameters
-    ----------
-    residuals : array, shape (r, sites)
-        [m]
-    known : array of bool, shape (r, sites)
-        Whether the mesh was hit.
-    unknowns : int
-        Number of control points.
-    spans : int
-        Number of spans.
-    closed : bool
-        Whether the first site follows the last.
-    weights : array, shape (sites,), or float
-        Of the sites, for the root mean square.
-
-    Returns
-    -------
-    error : float
-        [m]
-    energies : array, shape (spans,)
-        [m^2]
     """
     sites = residuals.shape[1]
     counts, squares = known.sum(axis=0) * 0.5, (residuals**2 * known).sum(axis=0) * 0.5
@@ -217,25 +109,7 @@ def span_errors(
 
 
 def filled(heights: Array, closed: bool) -> Array:
-    """Fill each gap of heights (r, k) by linear interpolation along its row; copy empty rows from the nearest row.
-
-    Parameters
-    ----------
-    heights : array, shape (r, k)
-        [m]; NaN in gaps.
-    closed : bool
-        Whether the first height follows the last.
-
-    Returns
-    -------
-    array, shape (r, k)
-        [m]
-
-    Raises
-    ------
-    EmptySection
-        If all heights are NaN.
-    """
+    """Fill each gap of heights (r, k) by linear interpolation along its row; copy empty rows from the nearest row."""
     missing = np.isnan(heights)
     if not missing.any():
         return heights

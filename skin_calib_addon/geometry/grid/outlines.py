@@ -19,22 +19,7 @@ def outline_positions(parametrization: Parametrization) -> Array:
 
 
 def outline_centre(parametrization: Parametrization, s: float, outline: Array) -> Array:
-    """Return the point of an outline halfway across the region; of a full turn, opposite to angle zero.
-
-    Parameters
-    ----------
-    parametrization : TubeParametrization or FaceParametrization
-        The region.
-    s : float
-        Of the outline [m].
-    outline : array, shape (l,)
-        Heights [m].
-
-    Returns
-    -------
-    array, shape (3,)
-        [m]
-    """
+    """Return the point of an outline halfway across the region; of a full turn, opposite to angle zero."""
     middle = OUTLINE_RAYS // 2
     origins, directions = parametrization.rays(np.array([s]), outline_positions(parametrization)[[middle]])
     return np.asarray(origins[0, 0] + outline[middle] * directions[0, 0])
@@ -45,13 +30,6 @@ def region_centre(mesh: TriangleMesh, parametrization: Parametrization) -> Array
     """Return the point of a mesh at the middle of a region, shape (3,) [m]; None if the section there is empty.
 
     Over a hole it is between the rims, at an interpolated height.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    parametrization : TubeParametrization or FaceParametrization
-        The region.
     """
     s, t = np.array([sum(parametrization.span) / 2]), outline_positions(parametrization)
     outline = np.full((1, len(t)), np.nan)

@@ -62,20 +62,7 @@ class TubeParametrization:
         return self.frame.planes(s)
 
     def rays(self, s: Array, t: Array) -> tuple[Array, Array]:
-        """Return the rays at every pair of s and t.
-
-        Parameters
-        ----------
-        s : array, shape (k,)
-            Stations [m].
-        t : array, shape (l,)
-            Angles [rad].
-
-        Returns
-        -------
-        origins, directions : array, shape (k, l, 3)
-            [m], and of length one.
-        """
+        """Return the rays at every pair of s and t."""
         directions = self.frame.fan(s, self.angles(t))
         return np.broadcast_to(self.frame.planes(s).points[:, None], directions.shape), directions
 
@@ -89,20 +76,6 @@ class TubeParametrization:
             (x_l, y_l) = \sum_j w_{lj}\, h_j\, (\cos t_j, \sin t_j)
 
         with the weights :math:`w_{lj}`, and the heights :math:`h_j` [m] of the control points on lines at :math:`t_j`.
-
-        Parameters
-        ----------
-        weights : array, shape (l, m)
-            Basis functions at the sites.
-        t : array, shape (..., m)
-            Of the lines; the leading axes are several choices of lines.
-        heights : array, shape (..., r, m)
-            Of the control points along their lines, in each of r rows [m].
-
-        Returns
-        -------
-        t, heights : array, shape (..., r, l)
-            Of the points of the spline.
         """
         x, y = (over_rows(heights * wave(t)[..., None, :], weights.T) for wave in (np.cos, np.sin))
         return np.arctan2(y, x) % TURN, np.hypot(x, y)
@@ -114,21 +87,7 @@ class TubeParametrization:
     def residual_slopes(
         self, weights: Array, t: Array, heights: Array, at: Array, height: Array, slope: Array
     ) -> Array:
-        """Return the derivatives of the residuals between mesh and spline by the t of each line, shape (r, l, m).
-
-        Parameters
-        ----------
-        weights, t, heights : array
-            As for ``blend``; one choice of lines.
-        at, height : array, shape (r, l)
-            The result of ``blend``.
-        slope : array, shape (r, l)
-            Derivative of the height of the mesh by t there.
-
-        Returns
-        -------
-        array, shape (r, l, m)
-        """
+        """Return the derivatives of the residuals between mesh and spline by the t of each line, shape (r, l, m)."""
         c, s, ratio = np.cos(at), np.sin(at), slope / height
         # A moving line moves a point across its ray, where the height of the mesh changes, and along its ray.
         x, y = (part[:, None] * weights for part in (heights * np.cos(t), heights * np.sin(t)))
@@ -165,36 +124,12 @@ class FaceParametrization:
         return Planes(points, np.broadcast_to(self.along, points.shape))
 
     def rays(self, s: Array, t: Array) -> tuple[Array, Array]:
-        """Return the rays at every pair of s and t.
-
-        Parameters
-        ----------
-        s : array, shape (k,)
-            [m]
-        t : array, shape (l,)
-            [m]
-
-        Returns
-        -------
-        origins, directions : array, shape (k, l, 3)
-            [m], and of length one.
-        """
+        """Return the rays at every pair of s and t."""
         origins = self.planes(s).points[:, None] + t[:, None] * self.side
         return origins, np.broadcast_to(self.up, origins.shape)
 
     def blend(self, weights: Array, t: Array, heights: Array) -> tuple[Array, Array]:
-        """Return the points of a spline as for a tube; all rays are parallel.
-
-        Parameters
-        ----------
-        weights, t, heights : array
-            As for a tube.
-
-        Returns
-        -------
-        t, heights : array, shape (..., r, l)
-            Of the points of the spline [m].
-        """
+        """Return the points of a spline as for a tube; all rays are parallel."""
         height = over_rows(heights, weights.T)
         return np.broadcast_to((t @ weights.T)[..., None, :], height.shape), height
 
@@ -205,17 +140,7 @@ class FaceParametrization:
     def residual_slopes(
         self, weights: Array, t: Array, heights: Array, at: Array, height: Array, slope: Array
     ) -> Array:
-        """Return the derivatives of the residuals by the t of each line, as for a tube; lines do not change heights.
-
-        Parameters
-        ----------
-        weights, t, heights, at, height, slope : array
-            As for a tube.
-
-        Returns
-        -------
-        array, shape (r, l, m)
-        """
+        """Return the derivatives of the residuals by the t of each line, as for a tube; lines do not change heights."""
         return slope[..., None] * weights
 
     def names(self, t: Array) -> tuple[str, ...]:
@@ -231,21 +156,7 @@ AnyParametrization = TypeVar("AnyParametrization", TubeParametrization, FacePara
 
 
 def bounded(parametrization: AnyParametrization, loops: tuple[Loop, ...]) -> AnyParametrization:
-    """Return a parametrization of the part of a region inside closed loops of points.
-
-    Parameters
-    ----------
-    parametrization : TubeParametrization or FaceParametrization
-        The region.
-    loops : tuple of tuple of points
-        Corners in the link frame [m]. Without loops, the region stays as it is.
-
-    Returns
-    -------
-    TubeParametrization or FaceParametrization
-        Its span, and over a face its breadth, are those of the loops and a little more: no rounding decides whether the
-        sites of the first row are inside.
-    """
+    """Return a parametrization of the part of a region inside closed loops of points."""
     if not loops:
         return parametrization
     corners = [parametrization.coordinates(np.array(loop)) for loop in loops]
@@ -260,43 +171,14 @@ def bounded(parametrization: AnyParametrization, loops: tuple[Loop, ...]) -> Any
 
 
 def inside(parametrization: Parametrization, points: Array) -> BoolArray:
-    """Return whether points are inside the boundary of a region; without one, all are.
-
-    Parameters
-    ----------
-    parametrization : TubeParametrization or FaceParametrization
-        The region.
-    points : array, shape (..., 3)
-        [m], link frame.
-
-    Returns
-    -------
-    array of bool, shape (...)
-    """
+    """Return whether points are inside the boundary of a region; without one, all are."""
     if parametrization.boundary is None:
         return np.ones(points.shape[:-1], bool)
     return parametrization.boundary.contains(parametrization.coordinates(points))
 
 
 def heights(mesh: TriangleMesh, parametrization: Parametrization, s: Array, t: Array) -> Array:
-    """Return the heights of a mesh along the rays of a region.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    parametrization : TubeParametrization or FaceParametrization
-        The region.
-    s : array, shape (k,)
-        Of the planes [m].
-    t : array, shape (l,)
-        Of the rays in each plane [m or rad].
-
-    Returns
-    -------
-    array, shape (k, l)
-        [m]; NaN where a ray hits nothing, or outside the boundary.
-    """
+    """Return the heights of a mesh along the rays of a region."""
     origins, directions = parametrization.rays(s, t)
     found = cast_rays(mesh, parametrization.planes(s), origins, directions)
     if parametrization.boundary is not None:
@@ -318,15 +200,7 @@ class ParametrizedLines(LineGrid):
         freeze(self, s=(n,), t=(m,))
 
     def moved_to(self, parametrization: Parametrization, centre: Array | None) -> "ParametrizedLines":
-        """Return lines at the same fractions of another region of the same kind.
-
-        Parameters
-        ----------
-        parametrization : TubeParametrization or FaceParametrization
-            The other region.
-        centre : array, shape (3,), or None
-            Point of the mesh at its middle [m].
-        """
+        """Return lines at the same fractions of another region of the same kind."""
         before = self.parametrization
         s = scaled(self.s, before.span, parametrization.span)
         t = scaled(self.t, before.breadth, parametrization.breadth)
@@ -334,17 +208,7 @@ class ParametrizedLines(LineGrid):
 
 
 def scaled(values: Array, ends: tuple[float, float], new_ends: tuple[float, float]) -> Array:
-    """Return numbers at the same fractions between other ends.
-
-    Parameters
-    ----------
-    values : array, of any shape
-        [m] or [rad]
-    ends : (float, float)
-        The former first and last number.
-    new_ends : (float, float)
-        The new ones.
-    """
+    """Return numbers at the same fractions between other ends."""
     result: Array = new_ends[0] + (values - ends[0]) * ((new_ends[1] - new_ends[0]) / (ends[1] - ends[0]))
     return result
 
@@ -352,23 +216,7 @@ def scaled(values: Array, ends: tuple[float, float], new_ends: tuple[float, floa
 def parametrized_lines(
     parametrization: Parametrization, s: Array, t: Array, centre: Array | None = None
 ) -> ParametrizedLines:
-    """Return the lines of the control points at every pair of s and t.
-
-    Parameters
-    ----------
-    parametrization : TubeParametrization or FaceParametrization
-        The region.
-    s : array, shape (n,)
-        Of the planes [m].
-    t : array, shape (m,)
-        Of the lines [rad] or [m].
-    centre : array, shape (3,), optional
-        Point of the mesh at the middle of the region [m].
-
-    Returns
-    -------
-    ParametrizedLines
-    """
+    """Return the lines of the control points at every pair of s and t."""
     return ParametrizedLines(
         parametrization.planes(s),
         *parametrization.rays(s, t),

@@ -19,11 +19,6 @@ def planes_of(lines: LineGrid) -> tuple[Planes, Planes]:
 
     Full planes have lines on both sides of the axis. The lines of a closed grid with uneven angles or a bent axis are
     in no such planes. Their v-planes contain the straight line nearest to the axis, at even angles from the first line.
-
-    Returns
-    -------
-    u, v : Planes
-        ``n`` u-planes. An open grid has ``m`` v-planes, a closed grid half as many as lines.
     """
     if lines.closed:
         return lines.planes_u, _turned(lines)
@@ -63,20 +58,7 @@ def _across(lines: LineGrid) -> Planes:
 
 
 def between(planes: Planes, i: int) -> tuple[Array, Array]:
-    """Return the plane halfway from plane ``i`` to the next, or half a step beyond the last; a single one is repeated.
-
-    Parameters
-    ----------
-    planes : Planes
-        The row of planes.
-    i : int
-        Index of a plane.
-
-    Returns
-    -------
-    point, normal : array, shape (3,)
-        In metres in the link frame, and of length one.
-    """
+    """Return the plane halfway from plane ``i`` to the next, or half a step beyond the last."""
     if len(planes) == 1:
         return planes.points[0], planes.normals[0]
     if i + 1 < len(planes):
@@ -94,22 +76,6 @@ def through(planes: Planes, point: Array, around: bool) -> tuple[int, Array, Arr
 
     Between two planes, its normal is between theirs: it contains the line in which they intersect. Before the first and
     beyond the last it is parallel to the nearest.
-
-    Parameters
-    ----------
-    planes : Planes
-        The row of planes.
-    point : array, shape (3,)
-        In metres in the link frame.
-    around : bool
-        Whether the first plane follows the last after half a turn about their common line.
-
-    Returns
-    -------
-    index : int
-        Of the new plane in the row.
-    point, normal : array, shape (3,)
-        In metres in the link frame, and of length one.
     """
     points, normals = planes.points, _aligned(planes.normals)
     if around and len(planes) >= MIN_V_PLANES:
@@ -128,25 +94,7 @@ def through(planes: Planes, point: Array, around: bool) -> tuple[int, Array, Arr
 
 
 def spread(planes: Planes, around: bool) -> Planes:
-    """Return planes at even steps from the first to the last, or at even angles.
-
-    Parameters
-    ----------
-    planes : Planes
-        The row of planes.
-    around : bool
-        Whether the planes get even angles about their common line.
-
-    Returns
-    -------
-    Planes
-        As many as before.
-
-    Raises
-    ------
-    InvalidPlan
-        If the planes need a common line and have none.
-    """
+    """Return planes at even steps from the first to the last, or at even angles."""
     if around:
         return _spread_around(planes)
     fraction, normals = np.linspace(0, 1, len(planes))[:, None], _aligned(planes.normals)
@@ -167,25 +115,7 @@ def _spread_around(planes: Planes) -> Planes:
 
 
 def mirrored(planes: Planes, i: int) -> Planes:
-    """Return the planes up to ``i``, followed by their mirror images; later planes are replaced.
-
-    Parameters
-    ----------
-    planes : Planes
-        The row of planes.
-    i : int
-        Index of the plane of symmetry.
-
-    Returns
-    -------
-    Planes
-        ``2 * i + 1`` planes.
-
-    Raises
-    ------
-    InvalidPlan
-        If there is no plane before plane ``i``.
-    """
+    """Return the planes up to ``i``, followed by their mirror images; later planes are replaced."""
     if i == 0:
         raise InvalidPlan("There is no plane before the first one. Choose the plane of symmetry.")
     centre, normal = planes.points[i], planes.normals[i]

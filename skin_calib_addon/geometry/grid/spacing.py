@@ -34,32 +34,7 @@ ROTATED_INTERVALS = 0.5
 def spaced_lines(
     error_model: ErrorModel, n: int, lines: int, spacing: str, degree: tuple[int, int], moves: int = MAX_MOVES
 ) -> ParametrizedLines:
-    """Return the lines of ``n`` planes with ``lines`` lines each.
-
-    Parameters
-    ----------
-    error_model : ErrorModel
-        Predicts the errors.
-    n : int
-        Number of planes.
-    lines : int
-        Lines in each plane.
-    spacing : str
-        "auto", "uniform", "arc" or "curvature".
-    degree : (int, int)
-        Of the surface along u and v.
-    moves : int
-        As for ``plane_positions``.
-
-    Returns
-    -------
-    ParametrizedLines
-
-    Raises
-    ------
-    UnderdeterminedFit
-        If there are too few for the degree.
-    """
+    """Return the lines of ``n`` planes with ``lines`` lines each."""
     check_counts(n, degree[0], "u-planes")
     check_counts(lines, degree[1], "v-lines")
     parametrization = error_model.parametrization
@@ -81,52 +56,14 @@ def spaced_lines(
 
 
 def plane_positions(error_model: ErrorModel, count: int, spacing: str, degree: int, moves: int = MAX_MOVES) -> Array:
-    """Return the positions of planes along the region, with the least predicted error for "auto".
-
-    Parameters
-    ----------
-    error_model : ErrorModel
-        Predicts the errors.
-    count : int
-        Number of planes.
-    spacing : str
-        "auto"; all others are even.
-    degree : int
-        Along u.
-    moves : int
-        Most steps of the movement from the initial positions. A few steps give most of the improvement.
-
-    Returns
-    -------
-    array, shape (count,)
-        Ascending [m].
-    """
+    """Return the positions of planes along the region, with the least predicted error for "auto"."""
     if spacing != "auto":
         return np.linspace(*error_model.parametrization.span, count)
     return refined_planes(error_model, initial_planes(error_model, count, degree), degree, moves)
 
 
 def line_positions(error_model: ErrorModel, count: int, spacing: str, degree: int, moves: int = MAX_MOVES) -> Array:
-    """Return the positions of lines across the region, with the least predicted error for "auto".
-
-    Parameters
-    ----------
-    error_model : ErrorModel
-        Predicts the errors.
-    count : int
-        Number of lines.
-    spacing : str
-        "auto", "uniform", "arc" or "curvature".
-    degree : int
-        Along v.
-    moves : int
-        Most steps of the movement from the initial positions.
-
-    Returns
-    -------
-    array, shape (count,)
-        Ascending [rad] or [m].
-    """
+    """Return the positions of lines across the region, with the least predicted error for "auto"."""
     if spacing == "auto" and error_model.is_filled:
         return refined_lines(error_model, initial_lines(error_model, count, degree), degree, moves)
     maps = error_model.maps
@@ -134,60 +71,17 @@ def line_positions(error_model: ErrorModel, count: int, spacing: str, degree: in
 
 
 def control_fractions(count: int, degree: int, closed: bool) -> Array:
-    """Return the fractions of the region at which the control points of even knots are.
-
-    Parameters
-    ----------
-    count : int
-        Number of control points.
-    degree : int
-        Of the spline.
-    closed : bool
-        Whether the region is closed.
-
-    Returns
-    -------
-    array, shape (count,)
-        From 0 to 1.
-    """
+    """Return the fractions of the region at which the control points of even knots are."""
     return even_fractions(count, True) if closed else greville(spline_sites(count, degree, False).knots, degree)
 
 
 def even_fractions(count: int, closed: bool) -> Array:
-    """Return the fractions of even steps, of a full turn from the first position on, or from edge to edge.
-
-    Parameters
-    ----------
-    count : int
-        Number of positions.
-    closed : bool
-        Whether the region is closed.
-
-    Returns
-    -------
-    array, shape (count,)
-        From 0 to 1.
-    """
+    """Return the fractions of even steps, of a full turn from the first position on, or from edge to edge."""
     return np.arange(count) / count if closed else np.linspace(0, 1, count)
 
 
 def initial_planes(error_model: ErrorModel, count: int, degree: int) -> Array:
-    """Return even planes, or planes with equal errors in all spans, if these have less error.
-
-    Parameters
-    ----------
-    error_model : ErrorModel
-        Predicts the errors.
-    count : int
-        Number of planes.
-    degree : int
-        Along u.
-
-    Returns
-    -------
-    array, shape (count,)
-        [m]
-    """
+    """Return even planes, or planes with equal errors in all spans, if these have less error."""
     even = np.linspace(*error_model.parametrization.span, count)
     if not error_model.is_filled:
         return even
@@ -202,24 +96,7 @@ def initial_planes(error_model: ErrorModel, count: int, degree: int) -> Array:
 
 
 def refined_planes(error_model: ErrorModel, positions: Array, degree: int, moves: int) -> Array:
-    """Return planes moved one by one to less error, if the other half of the model confirms this.
-
-    Parameters
-    ----------
-    error_model : ErrorModel
-        Predicts the errors.
-    positions : array, shape (n,)
-        Initial positions [m].
-    degree : int
-        Along u.
-    moves : int
-        Most steps.
-
-    Returns
-    -------
-    array, shape (n,)
-        [m]
-    """
+    """Return planes moved one by one to less error, if the other half of the model confirms this."""
     if moves == 0 or not error_model.is_filled or error_model.parametrization.bends:
         return positions  # the model does not contain the error of a curved axis
     selection, validation = error_model.halves
@@ -229,22 +106,7 @@ def refined_planes(error_model: ErrorModel, positions: Array, degree: int, moves
 
 
 def density_lines(error_model: ErrorModel, count: int, degree: int) -> Array:
-    """Return choices of lines without a search: at even positions, even lengths and a power of the curvature.
-
-    Parameters
-    ----------
-    error_model : ErrorModel
-        Gives the densities.
-    count : int
-        Number of lines.
-    degree : int
-        Along v.
-
-    Returns
-    -------
-    array, shape (c, count)
-        [rad] or [m]
-    """
+    """Return choices of lines without a search: at even positions, even lengths and a power of the curvature."""
     if not error_model.is_filled:
         return line_positions(error_model, count, "uniform", degree)[None]
     fractions = control_fractions(count, degree, error_model.parametrization.closed)
@@ -252,22 +114,7 @@ def density_lines(error_model: ErrorModel, count: int, degree: int) -> Array:
 
 
 def initial_lines(error_model: ErrorModel, count: int, degree: int) -> Array:
-    """Return the best of even positions, even lengths, a power of the curvature, and equal errors in all spans.
-
-    Parameters
-    ----------
-    error_model : ErrorModel
-        Predicts the errors.
-    count : int
-        Number of lines.
-    degree : int
-        Along v.
-
-    Returns
-    -------
-    array, shape (count,)
-        [rad] or [m]
-    """
+    """Return the best of even positions, even lengths, a power of the curvature, and equal errors in all spans."""
     if not error_model.is_filled:
         even = even_fractions(count, error_model.parametrization.closed)
         return positions_at(error_model.maps["uniform"], even)
@@ -293,24 +140,7 @@ def _initial_lines(error_model: ErrorModel, count: int, degree: int) -> tuple[li
 
 
 def refined_lines(error_model: ErrorModel, positions: Array, degree: int, moves: int) -> Array:
-    """Return lines moved one by one to less error, if the other half of the model confirms this.
-
-    Parameters
-    ----------
-    error_model : ErrorModel
-        Predicts the errors.
-    positions : array, shape (m,)
-        Initial positions [rad] or [m].
-    degree : int
-        Along v.
-    moves : int
-        Most steps.
-
-    Returns
-    -------
-    array, shape (m,)
-        [rad] or [m]
-    """
+    """Return lines moved one by one to less error, if the other half of the model confirms this."""
     if moves == 0 or not error_model.is_filled:
         return positions
     found = error_model.remembered(
@@ -350,25 +180,6 @@ def refined_positions(
 
         \delta x = -(J^{T} J + \mu\, \overline{d}\, I)^{-1} J^{T} e, \qquad
         \overline{d} = \operatorname{tr}(J^{T} J) / m
-
-    Parameters
-    ----------
-    slopes : function
-        Returns, for positions and degree, the residuals :math:`e` and their derivatives :math:`J`.
-    positions : array, shape (m,)
-        Initial positions.
-    degree : int
-        Of the spline.
-    edges : (float, float)
-        First and last position of the region.
-    closed : bool
-        Whether the region is closed. In an open region the first and the last position are fixed.
-    moves : int
-        Most steps.
-
-    Returns
-    -------
-    array, shape (m,)
     """
     free = slice(None) if closed else slice(1, -1)
     residuals, change = slopes(positions, degree)
@@ -392,23 +203,7 @@ def refined_positions(
 
 
 def limited_move(positions: Array, moved: Array, edges: tuple[float, float], closed: bool) -> Array:
-    """Return moved positions without intervals that became shorter than half, or than ``MIN_INTERVAL``.
-
-    Parameters
-    ----------
-    positions : array, shape (m,)
-        Before the movement.
-    moved : array, shape (m,)
-        After it.
-    edges : (float, float)
-        First and last position of the region.
-    closed : bool
-        Whether the region is closed.
-
-    Returns
-    -------
-    array, shape (m,)
-    """
+    """Return moved positions without intervals that became shorter than half, or than ``MIN_INTERVAL``."""
     breadth = edges[1] - edges[0]
     before, after = (
         np.append(np.diff(x), x[0] + breadth - x[-1]) if closed else np.diff(x) for x in (positions, moved)
@@ -420,19 +215,7 @@ def limited_move(positions: Array, moved: Array, edges: tuple[float, float], clo
 
 
 def rotated_map(m: SpacingMap, fraction: float) -> SpacingMap:
-    """Return a closed map that starts where the given fraction of it is before the start.
-
-    Parameters
-    ----------
-    m : SpacingMap
-        The map.
-    fraction : float
-        From 0 to 1.
-
-    Returns
-    -------
-    SpacingMap
-    """
+    """Return a closed map that starts where the given fraction of it is before the start."""
     fractions, positions = m
     turn = positions[-1] - positions[0]
     after = np.concatenate((fractions[fractions > fraction], 1 + fractions[(fractions > 0) & (fractions < fraction)]))
@@ -445,66 +228,20 @@ def least_error(candidates: list[Array], left: Array, error_model: ErrorModel) -
     """Return the candidate with the least error, or the first whose error is nearly as small.
 
     Symmetric shapes and noise have several candidates with nearly equal errors.
-
-    Parameters
-    ----------
-    candidates : list of array, shape (m,)
-        The simplest first.
-    left : array, shape (c,)
-        Their errors [m].
-    error_model : ErrorModel
-        Gives the heights, whose fractions are negligible.
-
-    Returns
-    -------
-    array, shape (m,)
     """
     rounding = float(np.finfo(np.float32).eps * np.abs(error_model.profiles).mean())  # of vertices in mesh files
     return candidates[int(np.argmax(MAX_ERROR_RATIO * left - rounding <= left.min()))]
 
 
 def positions_at(m: SpacingMap, fractions: Array) -> Array:
-    """Return the positions at some fractions of a map.
-
-    Parameters
-    ----------
-    m : SpacingMap
-        The map.
-    fractions : array
-        From 0 to 1.
-
-    Returns
-    -------
-    array
-    """
+    """Return the positions at some fractions of a map."""
     return np.interp(fractions, *m)
 
 
 def equalized_maps(
     error: Callable[[Array, int], tuple[float, Array]], start: SpacingMap, fractions: Array, degree: int, closed: bool
 ) -> tuple[list[SpacingMap], list[float]]:
-    """Return maps, each with shorter spans where the one before had more error, and their errors.
-
-    Parameters
-    ----------
-    error : function
-        Returns, for positions and degree, the error of a fit [m] and the mean squares of its spans [m^2].
-    start : SpacingMap
-        The first map.
-    fractions : array, shape (m,)
-        Of the control points.
-    degree : int
-        Of the spline.
-    closed : bool
-        Whether the region is closed.
-
-    Returns
-    -------
-    maps : list of SpacingMap
-        The first map and its successors.
-    errors : list of float
-        Of the maps [m].
-    """
+    """Return maps, each with shorter spans where the one before had more error, and their errors."""
     maps, errors = [start], []
     for _ in range(EQUALIZING_ROUNDS):
         m = maps[-1]

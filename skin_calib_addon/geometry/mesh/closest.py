@@ -29,24 +29,7 @@ CELLS_PER_SIDE = 96
 
 
 def split_faces(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray, IntArray]:
-    """Split long faces into congruent triangles with sides of at most ``size``, and return their centres.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh, [m] in the link frame.
-    size : float
-        [m]
-
-    Returns
-    -------
-    centres : array, shape (p, 3)
-        [m]
-    face : array of int, shape (p,)
-        Face of each centre.
-    parts : array of int, shape (f,)
-        Number of parts of each side of each face. A face has the square of this number of triangles.
-    """
+    """Split long faces into congruent triangles with sides of at most ``size``, and return their centres."""
     corners = mesh.triangles
     parts = np.clip(np.ceil(mesh.longest_sides / size).astype(int), 1, MAX_PARTS)
     centres, face = [], []
@@ -62,22 +45,7 @@ def split_faces(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray, IntAr
 
 
 def small_parts(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray]:
-    """Halve the longest sides of faces until no side is longer than ``size``, or than a fraction of those of the face.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh, [m] in the link frame.
-    size : float
-        [m]
-
-    Returns
-    -------
-    corners : array, shape (p, 3, 3)
-        Of the parts [m].
-    face : array of int, shape (p,)
-        Face of each part.
-    """
+    """Halve the longest sides of faces until none is longer than ``size``, or than a fraction of the face's."""
     corners, face, done = mesh.triangles, np.arange(len(mesh.faces)), []
     limit = np.maximum(size, mesh.longest_sides / MAX_PARTS)
     while len(corners):
@@ -96,13 +64,6 @@ class MeshDistance:
     """The exact distance from points to a mesh.
 
     A search tree of small parts of the faces gives the candidates. The distances to their faces decide.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh, [m] in the link frame.
-    coarseness : float
-        Of the parts. It affects the time only: twice as large is faster for few points, slower for many.
     """
 
     def __init__(self, mesh: TriangleMesh, coarseness: float = 1.0):
@@ -206,19 +167,7 @@ class NearMesh:
 
 
 def closest_on_triangles(points: Array, triangles: Array) -> Array:
-    """Return the nearest point of each triangle to each point (Ericson, Real-Time Collision Detection, 5.1.5).
-
-    Parameters
-    ----------
-    points : array, shape (k, 3)
-        The points [m].
-    triangles : array, shape (k, 3, 3)
-        Corners of the triangles [m].
-
-    Returns
-    -------
-    array, shape (k, 3)
-    """
+    """Return the nearest point of each triangle to each point (Ericson, Real-Time Collision Detection, 5.1.5)."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     ab, ac, ap = b - a, c - a, points - a
     normal = cross(ab, ac)

@@ -21,23 +21,6 @@ def coarse_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
     """Return about what :func:`~skin_calib_addon.geometry.mesh.cover.cut_cover` does, with few faces.
 
     Inner parts are those of the mesh without cuts; clusters do not connect faces as the mesh does.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh of the link.
-    spec : CoverSpec
-        The cuts, and which shells are kept.
-
-    Returns
-    -------
-    TriangleMesh
-        In the link frame [m].
-
-    Raises
-    ------
-    InvalidPlan
-        As ``cut_cover``.
     """
     kept = cut_cover(mesh, replace(spec, cuts=()))
     return cut_cover(coarse_mesh(kept), CoverSpec("all", spec.cuts))
@@ -49,16 +32,6 @@ def coarse_mesh(mesh: TriangleMesh) -> TriangleMesh:
 
     Vertices in one cubic cell become one at their mean (Rossignac and Borrel, Multi-resolution 3D approximations, 1993)
     if their normals have the same main direction, so that both sides of a thin wall stay apart.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-
-    Returns
-    -------
-    TriangleMesh
-        In the same frame [m].
     """
     if len(mesh.faces) <= COARSE_FACES:
         return mesh

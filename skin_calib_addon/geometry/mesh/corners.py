@@ -18,17 +18,6 @@ def facet_corners(mesh: TriangleMesh, faces: IntArray) -> BoolArray:
     """Return which vertices are corners of the facets that contain some faces, shape (v,).
 
     A facet is the largest connected part of a plane. A subdivision of the mesh changes neither facets nor corners.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    faces : array of int, shape (n,)
-        Indices of the faces.
-
-    Returns
-    -------
-    array of bool, shape (v,)
     """
     facet = _facets(mesh)
     chosen = np.zeros(len(mesh.faces), bool)
@@ -50,20 +39,6 @@ def undivided(mesh: TriangleMesh, fixed: BoolArray) -> tuple[IntArray, IntArray]
 
     A quadrilateral without vertices inside stays: the sides of a tube keep its rings. Faces of all other facets stay,
     also where they have vertices on the side of a whole facet.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    fixed : array of bool, shape (v,)
-        A quadrilateral with one of these corners stays divided.
-
-    Returns
-    -------
-    faces : array of int, shape (g, 3)
-        Of the vertices of the mesh, wound as its faces.
-    parent : array of int, shape (f,)
-        For each face of the mesh, the new face that contains it.
     """
     facet = _facets(mesh)
     examined = np.zeros(len(mesh.vertices), bool)
@@ -102,28 +77,7 @@ def _vertices_of(mesh: TriangleMesh, facet: IntArray, faces: IntArray, chosen: B
 def _halves(
     mesh: TriangleMesh, facet: IntArray, chosen: IntArray, corners: IntArray
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Divide quadrilaterals at the diagonal that fewer of their faces cross, else at the shorter one.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    facet : array of int, shape (f,)
-        Number of the facet of each face.
-    chosen : array of int, shape (q,)
-        Facets that are quadrilaterals, ascending.
-    corners : array of int, shape (q, 4)
-        Their corners in order.
-
-    Returns
-    -------
-    corners : array of int, shape (q, 4)
-        So that the first and the third are the ends of the diagonal.
-    half : array of int, shape (k,)
-        Half of each face inside: ``q`` if the first three corners, ``len(chosen) + q`` if the others have it.
-    inside : array of int, shape (k,)
-        These faces of the mesh.
-    """
+    """Divide quadrilaterals at the diagonal that fewer of their faces cross, else at the shorter one."""
     inside = np.flatnonzero(np.isin(facet, chosen))
     quad = np.searchsorted(chosen, facet[inside])
     sides, crossed, lengths = [], [], []
@@ -178,17 +132,6 @@ def are_corners(mesh: TriangleMesh, chosen: BoolArray) -> BoolArray:
         \frac{\sum_f a_f\, \mathbf{n}_f \mathbf{n}_f^T}{\sum_f a_f}
 
     is above the square of ``FLAT_ANGLE``. (The matrix is the quadric of Garland and Heckbert, 1997.)
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    chosen : array of bool, shape (v,)
-        The vertices to examine.
-
-    Returns
-    -------
-    array of bool, shape (v,)
     """
     faces = np.flatnonzero(chosen[mesh.faces].any(axis=1))
     corner, normals, areas = mesh.faces[faces].ravel(), mesh.face_normals[faces], mesh.face_areas[faces]

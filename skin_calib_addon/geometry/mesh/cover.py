@@ -77,16 +77,6 @@ def single_faces(mesh: TriangleMesh) -> TriangleMesh:
     """Return a mesh that has, of faces that are back to back, the one whose normal points outward.
 
     Both would count in areas, and the normal of the other one would be that of no skin.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        With doubled faces, or without.
-
-    Returns
-    -------
-    TriangleMesh
-        The same one if no face is doubled.
     """
     mesh = _joined_if_doubled(mesh)
     number = without_doubled(mesh)[1]
@@ -114,13 +104,7 @@ def _joined_if_doubled(mesh: TriangleMesh) -> TriangleMesh:
 
 @lru_cache(maxsize=1)  # as visibility
 def seen_faces(mesh: TriangleMesh) -> TriangleMesh:
-    """Return the faces of all shells that can be seen from outside.
-
-    Raises
-    ------
-    InvalidPlan
-        If there is none.
-    """
+    """Return the faces of all shells that can be seen from outside."""
     mesh = single_faces(mesh)
     seen = visibility(mesh).seen
     if not seen.any():
@@ -130,50 +114,12 @@ def seen_faces(mesh: TriangleMesh) -> TriangleMesh:
 
 @lru_cache(maxsize=4)  # the sketch of the cuts and the fit need the same
 def kept_side(mesh: TriangleMesh, point: tuple[float, ...], normal: tuple[float, ...]) -> TriangleMesh:
-    """Return the part of a mesh on the side of a plane to which its normal points.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh to cut.
-    point : tuple of float
-        Of the plane [m].
-    normal : tuple of float
-        Unit normal of the plane.
-
-    Returns
-    -------
-    TriangleMesh
-
-    Raises
-    ------
-    InvalidMesh
-        If it is empty.
-    """
+    """Return the part of a mesh on the side of a plane to which its normal points."""
     return weld(*one_side(mesh, np.array(point), np.array(normal))[:2])
 
 
 def one_side(mesh: TriangleMesh, point: Array, normal: Array) -> tuple[Array, IntArray, IntArray]:
-    """Return the part of a mesh on the side of a plane to which its normal points; it may be empty.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh to cut.
-    point : array, shape (3,)
-        Of the plane [m].
-    normal : array, shape (3,)
-        Unit normal of the plane.
-
-    Returns
-    -------
-    vertices : array, shape (v, 3)
-        [m]
-    faces : array of int, shape (f, 3)
-        Indices of vertices. No face has two equal corners.
-    of : array of int, shape (f,)
-        The face of the mesh that each of them is a part of.
-    """
+    """Return the part of a mesh on the side of a plane to which its normal points; it may be empty."""
     heights = _heights(mesh, point, normal)
     kept = heights >= 0
     count = kept[mesh.faces].sum(axis=1)
@@ -223,13 +169,6 @@ def shells_after(mesh: TriangleMesh, cuts: Sequence[tuple[Array, Array]]) -> Int
     """Return the number of the shell of each face of a mesh as far as cuts leave it, shape (f,).
 
     An edge then connects its two faces if the cuts leave a part of it.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh without cuts.
-    cuts : sequence of (point, normal)
-        Points of planes [m], and their normals to the kept side.
     """
     joined, number = merged(mesh)
     first, second = joined.adjacency

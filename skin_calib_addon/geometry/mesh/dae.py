@@ -24,24 +24,6 @@ def read_dae(path: str | Path) -> tuple[Array, IntArray]:
 
     As in RViz and Gazebo, the numbers are multiplied by ``<unit meter>``, and ``<up_axis>`` is ignored: the meshes of
     robots are in the frame of their link, whatever it states.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-
-    Returns
-    -------
-    vertices : array, shape (3 f, 3)
-        Three of each triangle [m].
-    faces : array of int, shape (f, 3)
-
-    Raises
-    ------
-    ImportError
-        If the package that reads COLLADA is missing.
-    Exception
-        Of many types, if the file is damaged, or declares a document type, which may contain entities.
     """
     try:
         import collada

@@ -143,25 +143,7 @@ def _finding(code: str, message: str, affects_fit: bool = False, advice: str = "
 
 
 def diagnose(vertices: Any, faces: Any) -> Diagnosis:
-    """Diagnose a mesh as it was read, before equal vertices are merged and useless faces are removed.
-
-    Parameters
-    ----------
-    vertices : array, shape (v, 3)
-        [m], link frame.
-    faces : array of int, shape (f, 3)
-        Indices of vertices.
-
-    Returns
-    -------
-    Diagnosis
-        The findings.
-
-    Raises
-    ------
-    InvalidMesh
-        As :func:`weld` does.
-    """
+    """Diagnose a mesh as it was read, before equal vertices are merged and useless faces are removed."""
     mesh = weld(vertices, faces)
     half, face, numbers, edge, faces_at = _edges(mesh)
     edges = np.column_stack(np.divmod(numbers, len(mesh.vertices)))
@@ -189,18 +171,7 @@ def diagnose(vertices: Any, faces: Any) -> Diagnosis:
 
 @lru_cache(maxsize=4)  # repeated fits, as in the window, keep it
 def coherent(mesh: TriangleMesh) -> TriangleMesh:
-    """Return a mesh whose faces are wound as most of their part; the same mesh if all are.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        With flipped faces, or without.
-
-    Returns
-    -------
-    TriangleMesh
-        With the same rows of faces.
-    """
+    """Return a mesh whose faces are wound as most of their part; the same mesh if all are."""
     if not mesh.disagreeing.any():
         return mesh
     half, face, _, edge, faces_at = _edges(mesh)
@@ -220,21 +191,7 @@ def _edges(mesh: TriangleMesh) -> tuple[IntArray, IntArray, IntArray, IntArray, 
 
 
 def edges_at(segments: Array, vertices: Array, edges: IntArray) -> BoolArray:
-    """Return which edges have their ends at the ends of a segment, to the bit.
-
-    Parameters
-    ----------
-    segments : array, shape (k, 2, 3)
-        Ends of the segments [m].
-    vertices : array, shape (v, 3)
-        [m]
-    edges : array of int, shape (e, 2)
-        Indices of vertices.
-
-    Returns
-    -------
-    array of bool, shape (e,)
-    """
+    """Return which edges have their ends at the ends of a segment, to the bit."""
     points = np.concatenate((np.asarray(segments).reshape(-1, 3), vertices)) + 0.0  # no minus zero
     vertex = np.unique(points, axis=0, return_inverse=True)[1].reshape(-1)
     wanted, given = vertex[: 2 * len(segments)].reshape(-1, 2), vertex[2 * len(segments) :][edges]

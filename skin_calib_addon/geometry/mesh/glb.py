@@ -23,22 +23,6 @@ def read_glb(path: str | Path) -> tuple[Array, IntArray]:
 
     The coordinates stay as they are in the file: glTF calls its y axis "up", but the meshes of robots are in the frame
     of their link.
-
-    Parameters
-    ----------
-    path : path
-        The file. Other files that it names are not read.
-
-    Returns
-    -------
-    vertices : array, shape (v, 3)
-        [m]
-    faces : array of int, shape (f, 3)
-
-    Raises
-    ------
-    Exception
-        Of many types, if the file is damaged, needs another file, or if its shape is not that of its triangles alone.
     """
     content = Path(path).read_bytes()
     if len(content) < HEADER.size or not content.startswith(MAGIC):
@@ -53,18 +37,7 @@ def read_glb(path: str | Path) -> tuple[Array, IntArray]:
 
 
 def refuse_other_shapes(document: dict[str, Any]) -> None:
-    """Refuse what trimesh would leave out or read as another shape.
-
-    Parameters
-    ----------
-    document : dict
-        The JSON part of the file.
-
-    Raises
-    ------
-    ValueError
-        If the file has one of these.
-    """
+    """Refuse what trimesh would leave out or read as another shape."""
     for name in document.get("extensionsRequired", ()):
         if not str(name).startswith(APPEARANCE):
             raise ValueError(f"it needs the extension {name}; export it without compression")

@@ -26,19 +26,7 @@ MAX_ROUNDS = 6
 
 @lru_cache(maxsize=4)
 def without_outliers(mesh: TriangleMesh) -> tuple[TriangleMesh, tuple[Warning, ...]]:
-    """Return a mesh whose outliers are moved to the mean of their neighbours, and a warning if there are any.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-
-    Returns
-    -------
-    mesh : TriangleMesh
-        The same mesh if there is no outlier.
-    warnings : tuple of Warning
-    """
+    """Return a mesh whose outliers are moved to the mean of their neighbours, and a warning if there are any."""
     vertices, heights = flattened(mesh)
     found = np.flatnonzero(heights)
     if len(found) == 0:
@@ -68,18 +56,6 @@ def flattened(mesh: TriangleMesh) -> tuple[Array, Array]:
 
     A vertex is an outlier if all its neighbours but one have a much smaller height as soon as it is at their mean.
     Next to an edge, at least two neighbours are as high. Vertices at open rims are not tested.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-
-    Returns
-    -------
-    vertices : array, shape (v, 3)
-        [m]
-    heights : array, shape (v,)
-        [m]; 0 for all vertices that are no outliers.
     """
     faces, moved, total = mesh.faces, mesh.vertices, np.zeros(len(mesh.vertices))
     near = np.arange(len(faces))

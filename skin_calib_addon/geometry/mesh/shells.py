@@ -81,15 +81,7 @@ def is_outer(mesh: TriangleMesh) -> BoolArray:
 
 
 def are_outer(mesh: TriangleMesh, shell: IntArray) -> BoolArray:
-    """Return which faces belong to an outer shell, shape (f,), read-only.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    shell : array of int, shape (f,)
-        Number of the shell of each face.
-    """
+    """Return which faces belong to an outer shell, shape (f,), read-only."""
     if (shell == shell[0]).all():
         return locked(np.ones(len(shell), bool))
     largest, *others = np.argsort(-np.bincount(shell, mesh.face_areas), kind="stable")
@@ -108,21 +100,7 @@ def are_outer(mesh: TriangleMesh, shell: IntArray) -> BoolArray:
 
 
 def fraction_inside(hull: Delaunay | None, mesh: TriangleMesh, faces: IntArray) -> float:
-    """Return the fraction of the area of some faces that is inside a convex hull; 1 for faces without area.
-
-    Parameters
-    ----------
-    hull : Delaunay or None
-        Of ``convex_hull``.
-    mesh : TriangleMesh
-        The mesh of the faces.
-    faces : array of int, shape (n,)
-        Indices of the faces.
-
-    Returns
-    -------
-    float
-    """
+    """Return the fraction of the area of some faces that is inside a convex hull; 1 for faces without area."""
     shell = TriangleMesh(mesh.vertices, mesh.faces[faces])
     if shell.face_areas.sum() == 0:
         return 1.0
@@ -137,17 +115,7 @@ def fraction_inside(hull: Delaunay | None, mesh: TriangleMesh, faces: IntArray) 
 
 
 def is_inside(hull: Delaunay, points: Array, growth: float) -> BoolArray:
-    """Return which points are inside a hull of another size, shape (k,).
-
-    Parameters
-    ----------
-    hull : Delaunay
-        Of ``convex_hull``.
-    points : array, shape (k, 3)
-        [m]
-    growth : float
-        Fraction by which the hull is made larger about its middle; below zero it becomes smaller.
-    """
+    """Return which points are inside a hull of another size, shape (k,)."""
     middle = hull.points.mean(axis=0)
     inside: BoolArray = hull.find_simplex(middle + (1 - growth) * (points - middle)) >= 0
     return inside

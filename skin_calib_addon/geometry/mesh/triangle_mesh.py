@@ -213,19 +213,7 @@ def weld(vertices: Any, faces: Any) -> TriangleMesh:
 
 
 def at_rims(faces: IntArray, count: int) -> BoolArray:
-    """Return which vertices have an edge of one face only, or edges of differently wound faces.
-
-    Parameters
-    ----------
-    faces : array of int, shape (f, 3)
-        Indices of vertices.
-    count : int
-        Number of vertices.
-
-    Returns
-    -------
-    array of bool, shape (count,)
-    """
+    """Return which vertices have an edge of one face only, or edges of differently wound faces."""
     ends = np.zeros(count)
     for i in range(3):  # around an inner vertex each neighbour is once before and once after it
         ends += np.bincount(faces[:, i], faces[:, i - 2] - faces[:, i - 1].astype(float), count)
@@ -234,33 +222,12 @@ def at_rims(faces: IntArray, count: int) -> BoolArray:
 
 
 def joined(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
-    """Return several meshes as one.
-
-    Parameters
-    ----------
-    meshes : sequence of TriangleMesh
-        In one frame.
-
-    Returns
-    -------
-    TriangleMesh
-    """
+    """Return several meshes as one."""
     return weld(*stacked([(mesh.vertices, mesh.faces) for mesh in meshes]))
 
 
 def stacked(parts: Sequence[tuple[Array, IntArray]]) -> tuple[Array, IntArray]:
-    """Return the vertices and faces of several parts as those of one mesh, which is not welded.
-
-    Parameters
-    ----------
-    parts : sequence of arrays, shapes (v, 3) and (f, 3)
-        Vertices [m], in one frame, and faces.
-
-    Returns
-    -------
-    vertices, faces : array, shapes (v, 3) and (f, 3)
-        All of them [m].
-    """
+    """Return the vertices and faces of several parts as those of one mesh, which is not welded."""
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
     faces = [faces + start for (_, faces), start in zip(parts, starts)]
     return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(faces)
@@ -293,20 +260,7 @@ def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
 
 
 def simple_shape(kind: str, size: Sequence[float]) -> tuple[Array, IntArray]:
-    """Return vertices and faces of a box, cylinder, sphere or capsule whose centre is the origin.
-
-    Parameters
-    ----------
-    kind : "box", "cylinder", "sphere" or "capsule"
-        Which shape. The axis of a cylinder or capsule is z.
-    size : sequence of float
-        Lengths along x, y and z; radius and length, of a capsule between its half spheres; or radius [m].
-
-    Returns
-    -------
-    vertices, faces : array, shapes (v, 3) and (f, 3)
-        [m]
-    """
+    """Return vertices and faces of a box, cylinder, sphere or capsule whose centre is the origin."""
     if kind == "box":
         mesh = trimesh.creation.box(size)
     elif kind == "cylinder":
@@ -319,13 +273,7 @@ def simple_shape(kind: str, size: Sequence[float]) -> tuple[Array, IntArray]:
 
 
 def read_mesh(path: str | Path) -> TriangleMesh:
-    """Read a mesh file without conversion of its numbers; those of a DAE file become metres by its unit.
-
-    Raises
-    ------
-    InvalidMesh
-        If the file is missing, unreadable or without a surface, or if the package is missing that reads DAE files.
-    """
+    """Read a mesh file without conversion of its numbers; those of a DAE file become metres by its unit."""
     path = Path(path)
     kind = path.suffix.lower().lstrip(".")
     if not os.path.isfile(path):  # Path.is_file raises where a name is too long
@@ -358,22 +306,7 @@ def read_mesh(path: str | Path) -> TriangleMesh:
 
 
 def check_face_count(path: Path, kind: str, faces: int) -> None:
-    """Check that a file whose header has the number of faces is not truncated; the readers do not report this.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    kind : str
-        Its suffix without the dot.
-    faces : int
-        Number of faces that were read.
-
-    Raises
-    ------
-    InvalidMesh
-        If there are fewer faces than the header of the file announces.
-    """
+    """Check that a file whose header has the number of faces is not truncated; the readers do not report this."""
     with open(path, "rb") as file:
         start = file.read(2**16)
     announced = 0
@@ -389,20 +322,7 @@ def check_face_count(path: Path, kind: str, faces: int) -> None:
 
 
 def save_mesh(mesh: TriangleMesh, path: str | Path) -> None:
-    """Write a binary PLY file in double precision, so that reading it gives the same numbers, to the bit.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh to write.
-    path : path
-        The file.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written; an old file is then unchanged.
-    """
+    """Write a binary PLY file in double precision, so that reading it gives the same numbers, to the bit."""
     header = (
         f"ply\nformat binary_little_endian 1.0\nelement vertex {len(mesh.vertices)}\n"
         "property double x\nproperty double y\nproperty double z\n"
@@ -414,22 +334,7 @@ def save_mesh(mesh: TriangleMesh, path: str | Path) -> None:
 
 
 def check_size(mesh: TriangleMesh, unit: str, name: str) -> None:
-    """Check that the size of a mesh fits its unit.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        In metres.
-    unit : "m" or "mm"
-        The unit of the file.
-    name : str
-        Of the file, for the message.
-
-    Raises
-    ------
-    InvalidMesh
-        If the mesh is larger or smaller than any robot link.
-    """
+    """Check that the size of a mesh fits its unit."""
     if MIN_MESH_SIZE <= mesh.size <= MAX_MESH_SIZE:
         return
     other = {"m": "mm", "mm": "m"}[unit] if (mesh.size > MAX_MESH_SIZE) == (unit == "m") else None

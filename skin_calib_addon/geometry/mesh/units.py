@@ -23,11 +23,6 @@ def likely_mistake(side: float) -> tuple[str, float] | None:
 
     A link that is too large may be in millimetres or centimetres, read as metres. A link that is too small may be in
     metres, read as millimetres.
-
-    Returns
-    -------
-    (str, float) or None
-        Unit and factor; ("", 1) if no unit gives a link; None if the size is plausible.
     """
     if is_plausible(side):
         return None

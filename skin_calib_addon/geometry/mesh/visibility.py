@@ -63,17 +63,7 @@ class Visibility:
 
 @lru_cache(maxsize=1)  # in the window, the author changes cuts of one mesh
 def visibility(mesh: TriangleMesh) -> Visibility:
-    """Return what of each face can be seen from outside, and which of its sides is outside.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        [m]; all shells, closed or not.
-
-    Returns
-    -------
-    Visibility
-    """
+    """Return what of each face can be seen from outside, and which of its sides is outside."""
     points, face, areas = sample_faces(mesh, point_distance(mesh))
     open_sides = depth_buffers(mesh).openness(points, mesh.face_normals[face])
     with_winding, against = (np.bincount(face, areas * side, len(mesh.faces)) for side in open_sides)
@@ -88,40 +78,12 @@ def are_seen(mesh: TriangleMesh, points: Array, normals: Array) -> BoolArray:
     """Return which points on or above a mesh can be seen from outside.
 
     A point below a face is hidden by it. Move points of a surface that approximates the mesh outward before.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        [m]; all shells, closed or not.
-    points : array, shape (k, 3)
-        [m]
-    normals : array, shape (k, 3)
-        Unit normals of the points, outward.
-
-    Returns
-    -------
-    array of bool, shape (k,)
     """
     return openness_at(mesh, points, normals) > MIN_OPENNESS
 
 
 def openness_at(mesh: TriangleMesh, points: Array, normals: Array) -> Array:
-    """Return how open the space above points on or above a mesh is; 0 is hidden, 1 is free.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        [m]; all shells, closed or not.
-    points : array, shape (k, 3)
-        [m]
-    normals : array, shape (k, 3)
-        Unit normals of the points, outward.
-
-    Returns
-    -------
-    array, shape (k,)
-        No unit.
-    """
+    """Return how open the space above points on or above a mesh is; 0 is hidden, 1 is free."""
     return depth_buffers(mesh).openness(np.asarray(points, float), np.asarray(normals, float))[0]
 
 
@@ -138,19 +100,7 @@ class DepthBuffers:
 
     @classmethod
     def of(cls, points: Array, distance: float) -> "DepthBuffers":
-        """Fill the buffers.
-
-        Parameters
-        ----------
-        points : array, shape (n, 3)
-            Points of the faces that hide others [m].
-        distance : float
-            Largest distance of adjacent points [m].
-
-        Returns
-        -------
-        DepthBuffers
-        """
+        """Fill the buffers."""
         middle, pixel = points.mean(axis=0)[:, None], PIXEL_SIDE * distance
         # Coordinates one after the other: faster, and rounded in the same manner on all machines.
         hiding = np.subtract(points.T, middle, order="C")
@@ -174,18 +124,6 @@ class DepthBuffers:
         This is :math:`\frac{4}{m} \sum_i \cos\alpha_i` over the directions that see the point, of m directions, with
         the angle :math:`\alpha_i` to the normal: 1 for a free point, 0 for a hidden one (ambient occlusion; Zhukov et
         al., An ambient light illumination model, 1998).
-
-        Parameters
-        ----------
-        points : array, shape (k, 3)
-            [m]
-        normals : array, shape (k, 3)
-            Unit normals.
-
-        Returns
-        -------
-        array, shape (2, k)
-            No unit.
         """
         points, normals = np.subtract(points.T, self.middle, order="C"), np.ascontiguousarray(normals.T)
         heights, sums = _dot(points, normals), np.zeros((2, points.shape[1]))
@@ -249,22 +187,6 @@ def sample_faces(mesh: TriangleMesh, distance: float) -> tuple[Array, IntArray, 
 
     Along its longest side a face has columns of equal width; each column has points at equal distances. So narrow faces
     have points up to their tips.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        [m]
-    distance : float
-        Largest distance of adjacent points along columns and rows [m].
-
-    Returns
-    -------
-    points : array, shape (k, 3)
-        [m]
-    face : array of int, shape (k,)
-        Face of each point.
-    areas : array, shape (k,)
-        Area that each point stands for; they sum to the areas of the faces [m^2].
     """
     triangles, f = mesh.triangles, np.arange(len(mesh.faces))
     squares = [np.square(triangles[:, (k + 1) % 3] - triangles[:, k]).sum(axis=1) for k in range(3)]

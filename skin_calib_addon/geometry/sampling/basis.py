@@ -53,25 +53,7 @@ class SplineSites:
 def spline_sites(
     count: int, degree: int, closed: bool, per_span: int = SITES_PER_SPAN, between: bool = False
 ) -> SplineSites:
-    """Return even sites for the control points of one direction.
-
-    Parameters
-    ----------
-    count : int
-        Number of control points.
-    degree : int
-        Degree of the spline.
-    closed : bool
-        Whether the last control point is next to the first one. An open direction has sites at both ends.
-    per_span : int
-        Sites in each span.
-    between : bool
-        Whether the sites are at the centres of the steps instead of at their ends.
-
-    Returns
-    -------
-    SplineSites
-    """
+    """Return even sites for the control points of one direction."""
     start = 0.5 if between else 0.0
     if not closed:
         knots = clamped_knots(count, degree)
@@ -111,28 +93,7 @@ class TensorBasis:
         per_span: int = SITES_PER_SPAN,
         between: bool = False,
     ) -> "TensorBasis":
-        """Return the basis for the lines of a grid.
-
-        Parameters
-        ----------
-        lines : LineGrid
-            The lines of the control points.
-        degree_u, degree_v : int
-            Degrees along u and v.
-        per_span : int
-            Sites in each span, per direction; more where there are few spans.
-        between : bool
-            Whether the sites are at the centres of the steps instead of at their ends.
-
-        Returns
-        -------
-        TensorBasis
-
-        Raises
-        ------
-        UnderdeterminedFit
-            If there are too few planes or lines for the degree.
-        """
+        """Return the basis for the lines of a grid."""
         n, m = lines.origins.shape[:2]
         check_counts(n, degree_u, "u-planes")
         check_counts(m, degree_v, "v-lines")
@@ -181,21 +142,7 @@ class TensorBasis:
         return np.concatenate((net, net[:, : self.v.repeats]), axis=1)
 
     def at(self, sites: Array) -> tuple[IntArray, Array]:
-        """Return the basis functions that are not zero somewhere, and their derivatives by row and by column.
-
-        Parameters
-        ----------
-        sites : array, shape (k, 2)
-            Row and column as fractions of the steps between sites. Beyond an open edge the polynomials continue for
-            half a span; what is further out is moved there.
-
-        Returns
-        -------
-        index : array of int, shape (k, c)
-            Of the control points, row by row.
-        values : array, shape (3, k, c)
-            Values, derivatives by row, derivatives by column.
-        """
+        """Return the basis functions that are not zero somewhere, and their derivatives by row and by column."""
         first, parts = [], []
         for axis, (direction, degree) in enumerate(((self.u, self.degree_u), (self.v, self.degree_v))):
             count, spans = len(direction.values), self.spans_by_axis[axis]
@@ -228,20 +175,6 @@ class TensorBasis:
         .. math::
 
             \lambda \left( \lVert D_u (X + \delta X) B^{T} \rVert^2 + \lVert N (X + \delta X) D_v^{T} \rVert^2 \right)
-
-        Parameters
-        ----------
-        residuals : array, shape (k, l)
-            [m]; NaN has no weight.
-        offsets : array, shape (n, m)
-            Current offsets of the control points along their lines [m].
-        stiffness : float
-            The factor :math:`\lambda` [1].
-
-        Returns
-        -------
-        array, shape (n, m)
-            The step [m].
         """
         known = ~np.isnan(residuals)
         if not known.all():
@@ -284,18 +217,7 @@ class TensorBasis:
         return U.T @ gram_u @ offsets @ (gram_v @ V), bend
 
     def leverages(self, stiffness: float) -> tuple[Array, Array, Array]:
-        """Return the variance of the surface at the sites for samples with independent noise of variance one.
-
-        Parameters
-        ----------
-        stiffness : float
-            As for ``solve``.
-
-        Returns
-        -------
-        height, step_u, step_v : array, shape (k, l)
-            Of its height, and of the change of its height from site to site along u and along v.
-        """
+        """Return the variance of the surface at the sites for samples with independent noise of variance one."""
         U, V, bend = self._modes
         P, Q = self.N @ U, self.B @ V
         step_v = (np.roll(Q, -1, axis=0) - np.roll(Q, 1, axis=0)) / 2 if self.is_closed else np.gradient(Q, axis=0)
@@ -351,19 +273,7 @@ def pseudo_inverse(matrix: Array) -> Array:
 
 @lru_cache(maxsize=256)
 def bending_matrix(count: int, closed: bool) -> Array:
-    """Return the matrix of the sum of squared second differences of some values.
-
-    Parameters
-    ----------
-    count : int
-        Number of values.
-    closed : bool
-        Whether the last value is next to the first one.
-
-    Returns
-    -------
-    array, shape (count, count)
-    """
+    """Return the matrix of the sum of squared second differences of some values."""
     bend: Array = np.eye(count)
     bend -= 2 * np.roll(np.eye(count), 1, axis=1)
     bend += np.roll(np.eye(count), 2, axis=1)
@@ -372,22 +282,7 @@ def bending_matrix(count: int, closed: bool) -> Array:
 
 
 def check_counts(count: int, degree: int, what: str) -> None:
-    """Check that a number of planes or lines is enough for a spline of a degree.
-
-    Parameters
-    ----------
-    count : int
-        Number of planes or lines.
-    degree : int
-        Degree of the spline.
-    what : str
-        Plural name of the planes or lines, for the message.
-
-    Raises
-    ------
-    UnderdeterminedFit
-        If the degree is not available, or the number is too small.
-    """
+    """Check that a number of planes or lines is enough for a spline of a degree."""
     if not 2 <= degree <= 5:
         raise UnderdeterminedFit(f"Degree {degree} is not available. Use 2 to 5.", degree=degree)
     if count < degree + 1:

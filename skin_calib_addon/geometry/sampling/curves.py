@@ -14,19 +14,7 @@ MAX_FOLD_FRACTION = 0.05
 
 
 def curves(ends: Array, row: IntArray | int = 0) -> IntArray:
-    """Return the number of the curve of each segment; ends in one row that are equal to the bit are connected.
-
-    Parameters
-    ----------
-    ends : array, shape (s, 2, 2)
-        [m]
-    row : array of int, shape (s,), or int
-        Section of each segment.
-
-    Returns
-    -------
-    array of int, shape (s,)
-    """
+    """Return the number of the curve of each segment; ends in one row that are equal to the bit are connected."""
     x, y = ends.reshape(-1, 2).T
     rows = np.repeat(np.broadcast_to(row, len(ends)), 2)
     order = np.lexsort((y, x, rows))
@@ -38,23 +26,7 @@ def curves(ends: Array, row: IntArray | int = 0) -> IntArray:
 
 
 def outer_curve(curve: IntArray, ray: IntArray, segment: IntArray, distance: Array) -> BoolArray | None:
-    """Return which segments form the outer curve of a section: the curve that most rays hit last.
-
-    Parameters
-    ----------
-    curve : array of int, shape (s,)
-        Number of the curve of each segment.
-    ray, segment : array of int, shape (c,)
-        Ray and segment of each intersection of even rays with the segments.
-    distance : array, shape (c,)
-        Distance of the intersection along its ray [m].
-
-    Returns
-    -------
-    array of bool, shape (s,), or None
-        None if several parts form the outside, or if most rays intersect the curve an even number of times. Such a
-        curve does not enclose the axis, and has an inner side that is as long as the outer one.
-    """
+    """Return which segments form the outer curve of a section: the curve that most rays hit last."""
     if len(ray) == 0:
         return None
     order = np.lexsort((distance, ray))
@@ -73,22 +45,6 @@ def fold_distances(ray: IntArray, distance: Array, rays: int) -> tuple[IntArray,
         d = d_1 - d_2 + d_3 - ...
 
     This continues from one branch of the fold to the other without a jump, and has equal areas on both of its sides.
-
-    Parameters
-    ----------
-    ray : array of int, shape (c,)
-        Ascending.
-    distance : array, shape (c,)
-        All intersections with one curve [m].
-    rays : int
-        Number of rays; the first one is next to the last.
-
-    Returns
-    -------
-    folded : array of int, shape (f,)
-        The rays that intersect a fold.
-    distance : array, shape (f,)
-        [m]
     """
     count = np.bincount(ray, minlength=rays)
     folded = short_runs((count > 1) & (count % 2 == 1), int(MAX_FOLD_FRACTION * rays))
@@ -99,19 +55,7 @@ def fold_distances(ray: IntArray, distance: Array, rays: int) -> tuple[IntArray,
 
 
 def short_runs(chosen: BoolArray, longest: int) -> IntArray:
-    """Return the indices of the chosen elements in runs of limited length; the last element is next to the first one.
-
-    Parameters
-    ----------
-    chosen : array of bool, shape (n,)
-        The chosen elements.
-    longest : int
-        Length of the longest run that counts.
-
-    Returns
-    -------
-    array of int
-    """
+    """Return the indices of the chosen elements of a circle in runs of limited length."""
     if chosen.all() or not chosen.any():
         return np.empty(0, np.int64)
     start = int(np.argmin(chosen))  # an element that is not chosen, so that no run crosses the end

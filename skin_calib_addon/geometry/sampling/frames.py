@@ -30,19 +30,7 @@ class TubeFrame:
         return np.cos(angles)[:, None] * self.e1 + np.sin(angles)[:, None] * self.e2
 
     def fan(self, stations: Array, angles: Array) -> Array:
-        """Return unit directions away from the axis at every station.
-
-        Parameters
-        ----------
-        stations : array, shape (k,)
-            [m]
-        angles : array, shape (l,)
-            [rad]
-
-        Returns
-        -------
-        array, shape (k, l, 3)
-        """
+        """Return unit directions away from the axis at every station."""
         return np.broadcast_to(self.rays(angles), (len(stations), len(angles), 3))
 
     def across(self, vectors: Array) -> Array:
@@ -56,21 +44,7 @@ class TubeFrame:
 
 
 def frame_of(point: Array, direction: Array, towards: Array | None = None) -> TubeFrame:
-    """Return cylinder coordinates about a line.
-
-    Parameters
-    ----------
-    point : array, shape (3,)
-        Of the line [m].
-    direction : array, shape (3,)
-        Of any length.
-    towards : array, shape (3,), optional
-        Angle zero is on the side of this direction; by default on the side of an axis of the link frame.
-
-    Returns
-    -------
-    TubeFrame
-    """
+    """Return cylinder coordinates about a line."""
     e3 = unit(direction)
     e1 = perpendicular(e3) if towards is None else towards - (towards @ e3) * e3
     e1 = unit(e1) if np.linalg.norm(e1) > 0 else perpendicular(e3)
@@ -91,16 +65,6 @@ def link_direction(direction: Array) -> Array:
     It is the projection of :math:`\mathbf{x} + d_x^2\, \mathbf{y}` with the axes :math:`\mathbf{x}` and
     :math:`\mathbf{y}` of the link frame and the unit direction :math:`\mathbf{d}`: the x axis for lines along y and z,
     the y axis for lines along x, and a smooth transition between them.
-
-    Parameters
-    ----------
-    direction : array, shape (3,)
-        Of the line, of any length; the opposite direction gives the same.
-
-    Returns
-    -------
-    array, shape (3,)
-        Unit vector.
     """
     e3 = unit(direction)
     side = np.array((1.0, e3[0] ** 2, 0.0))

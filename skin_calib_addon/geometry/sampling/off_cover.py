@@ -23,21 +23,6 @@ def off_cover(hits: Array, rays: Array, normals: Array, closed: bool) -> BoolArr
     one step above a larger one and narrow along a rim, with no more sites than sides there: it hides a rim which is
     known to the distance of sites only. Of a single row of sites, half at the rim are enough: a fin leaves the rim. A
     single hit says nothing about a surface.
-
-    Parameters
-    ----------
-    hits : array, shape (k, l, 3)
-        Points where rays hit the mesh [m]; NaN without a hit, or outside the boundary.
-    rays : array, shape (k, l, 3)
-        Unit directions of the rays, outward.
-    normals : array, shape (k, l, 3)
-        Unit normals of the faces that they hit, of either sign.
-    closed : bool
-        Whether the last column is next to the first.
-
-    Returns
-    -------
-    array of bool, shape (k, l)
     """
     number = np.arange(hits[..., 0].size).reshape(hits.shape[:2])
     pairs = [(number[:-1], number[1:]), (number[:, :-1], number[:, 1:])]

@@ -22,19 +22,6 @@ class RayCaster:
     row overlap in this abscissa, the row keeps only its outer curve, if it has one (see ``curves.outer_curve``). Where
     this curve folds back, rays follow it in order (``curves.fold_distances``). Without an outer curve the outermost
     segment counts. All other rays are compared with all segments.
-
-    Parameters
-    ----------
-    row : array of int, shape (s,)
-        Row of each segment, ascending.
-    ends : array, shape (s, 2, 2)
-        Ends of each segment in the frame of its row [m].
-    rows : int
-        Number of rows.
-    centres : array, shape (rows, 2), optional
-        Where all rays of a row start [m].
-    direction : array, shape (2,), optional
-        Direction of all rays.
     """
 
     def __init__(
@@ -154,20 +141,7 @@ class RayCaster:
         return x[..., None] * self.across + below * self.direction, self.direction
 
     def cast(self, origins: Array, directions: Array) -> tuple[Array, IntArray]:
-        """Return the distance along each ray to the outer curve of its row.
-
-        Parameters
-        ----------
-        origins, directions : array, shape (rows, l, 2)
-            Rays in the frame of their row; directions are unit vectors.
-
-        Returns
-        -------
-        distance : array, shape (rows, l)
-            [m]; NaN where the ray hits nothing.
-        hit : array of int, shape (rows, l)
-            Segment of the hit; 0 where the ray hits nothing.
-        """
+        """Return the distance along each ray to the outer curve of its row."""
         distance = np.full(origins.shape[:2], np.nan)
         hit = np.zeros(origins.shape[:2], np.int64)
         if len(self.ends) == 0:
@@ -295,20 +269,6 @@ def crossing(start_x: Array, start_y: Array, step_x: Array, step_y: Array, x: Ar
         t = \frac{\mathbf{a} \times \mathbf{s}}{\mathbf{d} \times \mathbf{s}}, \qquad
         \lambda = \frac{\mathbf{a} \times \mathbf{d}}{\mathbf{d} \times \mathbf{s}}, \qquad
         t > 0, \quad 0 \le \lambda \le 1
-
-    Parameters
-    ----------
-    start_x, start_y : array
-        Start of each segment, relative to the origin of its ray [m].
-    step_x, step_y : array
-        From the start to the end of each segment [m].
-    x, y : array
-        Unit directions of the rays.
-
-    Returns
-    -------
-    array
-        [m]
     """
     turn = x * step_y - y * step_x
     with np.errstate(divide="ignore", invalid="ignore"):  # a ray parallel to its segment
@@ -319,21 +279,7 @@ def crossing(start_x: Array, start_y: Array, step_x: Array, step_y: Array, x: Ar
 
 
 def outermost(ends: Array, origins: Array, directions: Array) -> tuple[Array, IntArray]:
-    """Return the distance to the furthest intersection of each ray with any of the segments, and this segment.
-
-    Parameters
-    ----------
-    ends : array, shape (s, 2, 2)
-        [m]
-    origins, directions : array, shape (l, 2)
-        Origins [m] and unit directions of the rays.
-
-    Returns
-    -------
-    distance : array, shape (l,)
-        [m]; NaN where the ray hits nothing.
-    hit : array of int, shape (l,)
-    """
+    """Return the distance to the furthest intersection of each ray with any of the segments, and this segment."""
     if len(ends) == 0:
         return np.full(len(origins), np.nan), np.zeros(len(origins), np.int64)
     offset, step = np.moveaxis(ends[:, 0] - origins[:, None], -1, 0), (ends[:, 1] - ends[:, 0]).T

@@ -58,18 +58,7 @@ class RaySamples:
         return float(self.missed.sum()) / inside if inside else 1.0
 
     def without_new(self, before: "RaySamples") -> "RaySamples":
-        """Return the samples without those at sites that had none before.
-
-        Parameters
-        ----------
-        before : RaySamples
-            Samples at the same sites, with a boundary, too.
-
-        Returns
-        -------
-        RaySamples
-            Rays that were outside the boundary still are; those that missed the cover still do.
-        """
+        """Return the samples without those at sites that had none before."""
         assert self.outside is not None and before.outside is not None
         new = np.isnan(before.residuals) & ~np.isnan(self.residuals)
         residuals, outside = np.where(new, np.nan, self.residuals), self.outside | (new & before.outside)
@@ -103,23 +92,7 @@ class SampleRows:
 
     @classmethod
     def of(cls, mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, again: bool = False) -> "SampleRows":
-        """Cut the mesh with a plane through every row of sample sites; most of them are between the author's planes.
-
-        Parameters
-        ----------
-        mesh : TriangleMesh
-            The mesh, [m] in the link frame.
-        lines : LineGrid
-            The lines of the control points.
-        basis : TensorBasis
-            The basis at the sample sites.
-        again : bool
-            As for :meth:`cut`.
-
-        Returns
-        -------
-        SampleRows
-        """
+        """Cut the mesh with a plane through every row of sample sites; most of them are between the author's planes."""
         points = basis.N @ lines.origins[:, 0]
         parallel = lines.planes_u.are_parallel()
         normals = np.broadcast_to(lines.planes_u.normals[0], points.shape)
@@ -141,30 +114,7 @@ class SampleRows:
         direction: Array | None,
         again: bool = False,
     ) -> "SampleRows":
-        """Cut the mesh with the planes in which rays will start.
-
-        Parameters
-        ----------
-        mesh : TriangleMesh
-            The mesh, [m] in the link frame.
-        planes : Planes
-            The planes.
-        origins : array, shape (k, l, 3)
-            Of the rays in each plane [m].
-        first : array, shape (k, 3)
-            Direction of the first axis of each row. Rays give it, not the link frame, so that all decisions within a
-            row move together with the mesh.
-        concurrent : bool
-            Whether the rays of each plane all start at its point.
-        direction : array, shape (3,), or None
-            Direction of all rays, if they are parallel.
-        again : bool
-            Whether planes that have not moved since the last such call keep their sections, for a preview.
-
-        Returns
-        -------
-        SampleRows
-        """
+        """Cut the mesh with the planes in which rays will start."""
         flat = planes.are_parallel()
         axes = frames_of(planes.normals[:1], first[:1]) if flat else frames_of(planes.normals, first)
         sections, ends = (known_sections if again else framed_sections)(mesh, planes, axes)
@@ -230,46 +180,14 @@ class SampleRows:
 
 
 def cast_rays(mesh: TriangleMesh, planes: Planes, origins: Array, directions: Array) -> Array:
-    """Return the distance along rays in some planes to the mesh.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh, [m] in the link frame.
-    planes : Planes
-        The planes.
-    origins, directions : array, shape (k, l, 3)
-        Of the rays of each plane [m]. They all start at the point of their plane, or are all parallel.
-
-    Returns
-    -------
-    array, shape (k, l)
-        [m]; NaN where the ray hits nothing.
-    """
+    """Return the distance along rays in some planes to the mesh."""
     concurrent = bool((origins == planes.points[:, None]).all())
     rows = SampleRows.cut(mesh, planes, origins, directions[:, 0], concurrent, None if concurrent else directions[0, 0])
     return rows.cast(directions).residuals + 1
 
 
 def framed_sections(mesh: TriangleMesh, planes: Planes, axes: Array) -> tuple[Sections, Array]:
-    """Cut a mesh, and return the sections with their ends in the frames of their rows.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh, [m] in the link frame.
-    planes : Planes
-        The planes.
-    axes : array, shape (k, 2, 3), or (1, 2, 3) of parallel planes
-        Unit vectors in each plane.
-
-    Returns
-    -------
-    sections : Sections
-        Their ends are plane coordinates if the planes are parallel.
-    ends : array, shape (s, 2, 2)
-        [m]
-    """
+    """Cut a mesh, and return the sections with their ends in the frames of their rows."""
     flat_vertices = np.stack([coordinates(mesh, axis) for axis in axes[0]]).T if len(axes) == 1 else None
     sections = cut_sections(mesh, planes, flat_vertices)
     return sections, flat_ends(sections, planes, axes)
@@ -302,60 +220,20 @@ def _known_sections(mesh: TriangleMesh) -> dict[tuple[bool, bytes], tuple[IntArr
 
 
 def flat_ends(sections: Sections, planes: Planes, axes: Array) -> Array:
-    """Return the ends of segments in the frames of their rows.
-
-    Parameters
-    ----------
-    sections : Sections
-        The sections of parallel planes have plane coordinates already; only the origin is subtracted.
-    planes : Planes
-        The planes.
-    axes : array, shape (k, 2, 3) or (1, 2, 3)
-        Unit vectors in the plane of each row.
-
-    Returns
-    -------
-    array, shape (s, 2, 2)
-        [m]
-    """
+    """Return the ends of segments in the frames of their rows."""
     if len(axes) == 1:
         return sections.ends - (planes.points @ axes[0].T)[sections.plane, None]
     return across(sections.ends - planes.points[sections.plane, None], axes[sections.plane])
 
 
 def frames_of(normals: Array, first: Array) -> Array:
-    """Return two unit vectors perpendicular to each normal.
-
-    Parameters
-    ----------
-    normals : array, shape (k, 3)
-        Unit normals.
-    first : array, shape (k, 3)
-        Direction of the first vector; its part across the normal counts.
-
-    Returns
-    -------
-    array, shape (k, 2, 3)
-    """
+    """Return two unit vectors perpendicular to each normal."""
     firsts = unit(first - (first * normals).sum(axis=1, keepdims=True) * normals)
     return np.stack((firsts, np.cross(normals, firsts)), axis=1)
 
 
 def across(vectors: Array, axes: Array) -> Array:
-    """Return the components of vectors along the axes of their rows.
-
-    Parameters
-    ----------
-    vectors : array, shape (k, l, 3)
-        The vectors.
-    axes : array, shape (k, 2, 3)
-        Unit vectors in the plane of each row.
-
-    Returns
-    -------
-    array, shape (k, l, 2)
-        Stored by component.
-    """
+    """Return the components of vectors along the axes of their rows."""
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     e = axes[:, None]
     return np.moveaxis(np.stack([x * e[..., i, 0] + y * e[..., i, 1] + z * e[..., i, 2] for i in (0, 1)]), 0, -1)

@@ -46,19 +46,6 @@ def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None
         p = (h_a p_b - h_b p_a) / (h_a - h_b)
 
     with the vertices p_a and p_b and their heights h_a and h_b above the plane [m].
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh, [m] in the link frame.
-    planes : Planes
-        For parallel planes sorted heights are sufficient; for others each vertex is compared with each plane.
-    values : array, shape (v, c), optional
-        Values of the vertices to interpolate instead of their coordinates, such as plane coordinates.
-
-    Returns
-    -------
-    Sections
     """
     values, slack = mesh.vertices if values is None else values, ON_PLANE_FRACTION * mesh.size
     parallel = planes.are_parallel()
@@ -246,15 +233,7 @@ def _cut_any(mesh: TriangleMesh | _Part, slack: float, planes: Planes, values: A
 
 
 def _near(mesh: TriangleMesh | _Part, is_higher: BoolArray, on_plane: BoolArray) -> IntArray:
-    """Return the faces with corners on both sides of a plane, or on a plane; the sides of eight planes are one byte.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    is_higher, on_plane : array of bool, shape (planes, v)
-        Whether each vertex is above each plane, or on it.
-    """
+    """Return the faces with corners on both sides of a plane, or on a plane; the sides of eight planes are one byte."""
     on_any = on_plane.any(axis=0)
     found = on_any[mesh.corners[0]] | on_any[mesh.corners[1]] | on_any[mesh.corners[2]]
     for sides in np.packbits(is_higher, axis=0):
@@ -266,23 +245,7 @@ def _near(mesh: TriangleMesh | _Part, is_higher: BoolArray, on_plane: BoolArray)
 def _rims_of_ranks(
     mesh: TriangleMesh | _Part, level: Array, rank: IntArray, on_plane: BoolArray
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the rims in parallel planes: index of the level, face, and the corners on the plane as in ``TIP``.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    level : array, shape (k,)
-        Heights of the planes, ascending [m].
-    rank : array of int, shape (v,)
-        Number of planes below each vertex.
-    on_plane : array of bool, shape (v,)
-        Whether the vertex is on the plane of the next level.
-
-    Returns
-    -------
-    level_index, face, on : array of int, shape (r,)
-    """
+    """Return the rims in parallel planes: index of the level, face, and the corners on the plane as in ``TIP``."""
     are_on = [on_plane[corner] for corner in mesh.corners]
     near = np.flatnonzero((are_on[0] & are_on[1]) | (are_on[1] & are_on[2]) | (are_on[2] & are_on[0]))
     a, b, c = (
@@ -304,23 +267,7 @@ def _rims_of_ranks(
 def _are_rims(
     mesh: TriangleMesh | _Part, plane: IntArray, face: IntArray, on: IntArray, is_above: BoolArray
 ) -> BoolArray:
-    """Return which edges in a plane are rims: the first face below each edge without a face above it.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    plane, face : array of int, shape (k,)
-        A plane that contains an edge, and a face at this edge.
-    on : array of int, shape (k,)
-        The two corners of the edge, as in ``TIP``.
-    is_above : array of bool, shape (k,)
-        Whether the face is above the plane.
-
-    Returns
-    -------
-    array of bool, shape (k,)
-    """
+    """Return which edges in a plane are rims: the first face below each edge without a face above it."""
     corners = mesh.faces[face]
     edge = np.sort(
         np.stack((corners[np.arange(len(face)), START[on]], corners[np.arange(len(face)), STOP[on]])), axis=0
@@ -336,21 +283,7 @@ def _are_rims(
 def _segments(
     mesh: TriangleMesh | _Part, values: Array, face: IntArray, above: IntArray, height: Callable[[IntArray], Array]
 ) -> Array:
-    """Return the ends of the segment in which a plane cuts each face, shape (s, 2, c).
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh, [m] in the link frame.
-    values : array, shape (v, c)
-        To interpolate.
-    face : array of int, shape (s,)
-        Index of the face of each segment.
-    above : array of int, shape (s,)
-        Which corners are above the plane, as in ``TIP``.
-    height : function
-        Returns the heights of one vertex of each segment above its plane [m].
-    """
+    """Return the ends of the segment in which a plane cuts each face, shape (s, 2, c)."""
     corners, base = mesh.faces.reshape(-1), 3 * face
     tip = corners[base + TIP[above]]
     tip_height = height(tip)

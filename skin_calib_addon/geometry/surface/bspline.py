@@ -15,37 +15,12 @@ MIN_SITES = {False: 20, True: 60}
 
 
 def clamped_knots(n: int, degree: int) -> Array:
-    """Return uniform knots on [0, 1], repeated at the ends, so that the spline ends at its end control points.
-
-    Parameters
-    ----------
-    n : int
-        Number of control points.
-    degree : int
-        Degree of the spline.
-
-    Returns
-    -------
-    array, shape (n + degree + 1,)
-    """
+    """Return uniform knots on [0, 1], repeated at the ends, so that the spline ends at its end control points."""
     return np.concatenate((np.zeros(degree), np.linspace(0.0, 1.0, n - degree + 1), np.ones(degree)))
 
 
 def periodic_knots(n: int, degree: int) -> Array:
-    """Return uniform knots of a closed spline with ``n`` different control points, one period on [0, 1].
-
-    Parameters
-    ----------
-    n : int
-        Number of different control points.
-    degree : int
-        Degree of the spline.
-
-    Returns
-    -------
-    array, shape (n + 2 * degree + 1,)
-        For a net that repeats its first ``degree`` control points at its end.
-    """
+    """Return uniform knots of a closed spline with ``n`` different control points, one period on [0, 1]."""
     return np.arange(-degree, n + degree + 1) / n
 
 
@@ -55,57 +30,17 @@ def greville(knots: Array, degree: int) -> Array:
     .. math::
 
         \xi_i = \frac{1}{p} \sum_{k=1}^{p} t_{i+k}
-
-    Parameters
-    ----------
-    knots : array, shape (n + degree + 1,)
-        The knots :math:`t`.
-    degree : int
-        The degree :math:`p`.
-
-    Returns
-    -------
-    array, shape (n,)
     """
     return np.lib.stride_tricks.sliding_window_view(knots[1:-1], degree).mean(axis=1)
 
 
 def sites_per_span(per_span: int, spans: int, minimum: int) -> int:
-    """Return the number of sites in each span: ``per_span``, or more if all spans together had fewer than ``minimum``.
-
-    Parameters
-    ----------
-    per_span : int
-        Least number of sites in each span.
-    spans : int
-        Number of spans.
-    minimum : int
-        Least number of sites in all spans together.
-
-    Returns
-    -------
-    int
-    """
+    """Return the number of sites in each span: ``per_span``, or more for ``minimum`` sites in all spans."""
     return max(per_span, -(-minimum // spans))
 
 
 def check_knots(knots: Array, degree: int, n: int) -> None:
-    """Check that there are ``n + degree + 1`` knots, which never decrease, and that their domain has a length.
-
-    Parameters
-    ----------
-    knots : array
-        Knot vector, non-decreasing.
-    degree : int
-        Degree of the spline.
-    n : int
-        Number of control points.
-
-    Raises
-    ------
-    InvalidKnotVector
-        If one of these conditions does not hold.
-    """
+    """Check that there are ``n + degree + 1`` knots, which never decrease, and that their domain has a length."""
     if degree < 1:
         raise InvalidKnotVector(f"A B-spline surface of degree {degree} is not available. Use 2 to 5.")
     if n < degree + 1:
@@ -134,25 +69,6 @@ def local_basis(u: Array, knots: Array, degree: int, order: int = 0) -> tuple[In
 
         N_{i,p}^{(d)}(u) = p \left( \frac{N_{i,p-1}^{(d-1)}(u)}{t_{i+p} - t_i}
         - \frac{N_{i+1,p-1}^{(d-1)}(u)}{t_{i+p+1} - t_{i+1}} \right)
-
-    Parameters
-    ----------
-    u : array, shape (m,)
-        Parameters in ``[knots[degree], knots[-degree - 1]]``.
-    knots : array, shape (n + degree + 1,)
-        The knots :math:`t`.
-    degree : int
-        The degree :math:`p`.
-    order : int
-        Highest derivative :math:`d`.
-
-    Returns
-    -------
-    first : array of int, shape (m,)
-        Index of the first function that is not zero.
-    values : array, shape (order + 1, m, degree + 1)
-        ``values[d, k, i]`` is the d-th derivative of function ``first[k] + i`` at ``u[k]``. Rows of ``values[0]``
-        sum to one, rows of the derivatives to zero.
     """
     n = len(knots) - degree - 1
     span = np.clip(np.searchsorted(knots, u, side="right") - 1, degree, n - 1)
@@ -180,22 +96,7 @@ def local_basis(u: Array, knots: Array, degree: int, order: int = 0) -> tuple[In
 
 
 def basis_functions(u: Array, knots: Array, degree: int) -> Array:
-    """Evaluate every B-spline basis function at each parameter (The NURBS Book, eq. 2.5).
-
-    Parameters
-    ----------
-    u : array, shape (m,)
-        Parameters in ``[knots[degree], knots[-degree - 1]]``.
-    knots : array, shape (n + degree + 1,)
-        Knot vector, non-decreasing.
-    degree : int
-        Degree of the spline.
-
-    Returns
-    -------
-    array, shape (m, n)
-        ``N[k, i]`` is :math:`N_{i,p}(u_k)`. Rows sum to one.
-    """
+    """Evaluate every B-spline basis function at each parameter (The NURBS Book, eq. 2.5)."""
     first, values = local_basis(u, knots, degree)
     dense = np.zeros((len(u), len(knots) - degree - 1))
     np.put_along_axis(dense, first[:, None] + np.arange(degree + 1), values[0], axis=1)
@@ -203,21 +104,7 @@ def basis_functions(u: Array, knots: Array, degree: int) -> Array:
 
 
 def basis_derivatives(u: Array, knots: Array, degree: int) -> tuple[Array, Array]:
-    """Evaluate every B-spline basis function and its first derivative at each parameter.
-
-    Parameters
-    ----------
-    u : array, shape (m,)
-        Parameters in ``[knots[degree], knots[-degree - 1]]``.
-    knots : array, shape (n + degree + 1,)
-        Knot vector, non-decreasing.
-    degree : int
-        Degree of the spline.
-
-    Returns
-    -------
-    values, derivatives : array, shape (m, n)
-    """
+    """Evaluate every B-spline basis function and its first derivative at each parameter."""
     first, values = local_basis(u, knots, degree, 1)
     dense = np.zeros((2, len(u), len(knots) - degree - 1))
     np.put_along_axis(dense, (first[:, None] + np.arange(degree + 1))[None], values, axis=2)
@@ -235,19 +122,7 @@ class SpanPolynomials:
 
     @classmethod
     def of(cls, knots: Array, degree: int) -> "SpanPolynomials":
-        """Return the Taylor expansions at the start of every span that is not empty.
-
-        Parameters
-        ----------
-        knots : array, shape (n + degree + 1,)
-            Knot vector, non-decreasing.
-        degree : int
-            Degree of the spline.
-
-        Returns
-        -------
-        SpanPolynomials
-        """
+        """Return the Taylor expansions at the start of every span that is not empty."""
         inner = knots[degree : len(knots) - degree]
         starts, lengths = inner[:-1][np.diff(inner) > 0], np.diff(inner)[np.diff(inner) > 0]
         first, derivatives = local_basis(starts, knots, degree, degree)

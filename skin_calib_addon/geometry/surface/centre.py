@@ -45,26 +45,6 @@ def length_fractions(
         f'(x) = \frac{\lVert \partial \mathbf{S} / \partial x \rVert}{\ell(x_0, x_0 + 1)}
 
     Here :math:`\ell` [m] is the length of a coordinate line, measured with chords.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface, [m] in the link frame.
-    uv : array, shape (k, 2)
-        Parameters.
-    axis : int
-        Direction of the lines: 0 for u, 1 for v.
-    parts : int
-        Number of chords on each side of the point.
-    start : float
-        Parameter :math:`x_0` where the lines start; they end at ``start + 1``.
-
-    Returns
-    -------
-    fractions : array, shape (k,)
-        From 0 to 1; outside of this range beyond the ends.
-    slope : array, shape (k,)
-        Derivatives of the fractions by the parameter.
     """
     x, part = uv[:, axis, None] - start, np.linspace(0, 1, parts + 1)
     lines = np.repeat(uv[:, None], 2 * parts + 1, axis=1)

@@ -15,21 +15,6 @@ def is_sampled(surface: BSplineSurface, uv: Array, known: BoolArray, outside: Bo
     """Return whether the sample sites around each ``uv`` hit the mesh; the sites are even in u and v.
 
     With a boundary, those outside it need no hit; but at least one of the four sites must have one.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface, [m] in the link frame.
-    uv : array, shape (m, 2)
-        Parameters.
-    known : array of bool, shape (k, l)
-        Which sample sites hit the mesh.
-    outside : array of bool, shape (k, l), optional
-        Which are outside the boundary.
-
-    Returns
-    -------
-    array of bool, shape (m,)
     """
     k, l = known.shape
     row, column = uv[:, 0] * (k - 1), uv[:, 1] * (l if surface.closed[1] else l - 1)
@@ -50,19 +35,7 @@ def surface_samples(surface: BSplineSurface) -> tuple[Array, Array]:
 
 
 def sample_lines(surface: BSplineSurface, per_span: int) -> tuple[Array, Array]:
-    """Return even parameters u and v at the centres of equal parts of the domain.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface, [m] in the link frame.
-    per_span : int
-        Parameters in each span; more where there are few spans.
-
-    Returns
-    -------
-    u, v : array
-    """
+    """Return even parameters u and v at the centres of equal parts of the domain."""
     spans = (len(np.unique(k[d : len(k) - d])) - 1 for k, d in zip((surface.knots_u, surface.knots_v), surface.degree))
     counts = (n * sites_per_span(per_span, n, MIN_SITES[closed]) for n, closed in zip(spans, surface.closed))
     u, v = ((np.arange(n) + 0.5) / n for n in counts)

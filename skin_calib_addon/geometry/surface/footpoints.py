@@ -61,21 +61,6 @@ def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
         \mathbf{S}_v \cdot \mathbf{S}_v - \mathbf{g} \cdot \mathbf{S}_{vv} \end{pmatrix}
         \begin{pmatrix} \delta u \\ \delta v \end{pmatrix} =
         \begin{pmatrix} \mathbf{S}_u \cdot \mathbf{g} \\ \mathbf{S}_v \cdot \mathbf{g} \end{pmatrix}
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface, [m] in the link frame.
-    points : array, shape (k, 3)
-        The points [m].
-
-    Returns
-    -------
-    uv : array, shape (k, 2)
-        Parameters of the footpoints.
-    distance : array, shape (k,)
-        [m]. No point of the surface is nearer than this less twice the deviation of its cell from its triangles, and
-        less a tenth of the diameter of the cell.
     """
     points = np.asarray(points, float).reshape(-1, 3)
     search = _search_of(surface, CELLS)
@@ -241,24 +226,7 @@ def _power_fractions(count: int) -> Array:
 
 
 def descend(surface: BSplineSurface, uv: Array, points: Array) -> tuple[Array, Array]:
-    """Apply Newton's method to the squared distance; a step that does not lower it is damped and repeated.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface, [m] in the link frame.
-    uv : array, shape (k, 2)
-        Parameters of the starts.
-    points : array, shape (k, 3)
-        The points [m].
-
-    Returns
-    -------
-    uv : array, shape (k, 2)
-        Parameters; where open directions end they stay at the end.
-    distance : array, shape (k,)
-        [m], never more than at the start.
-    """
+    """Apply Newton's method to the squared distance; a step that does not lower it is damped and repeated."""
     uv = uv.copy()
     r = surface.derivatives(uv, 2)
     best = ((points - r[0, 0]) ** 2).sum(axis=1)

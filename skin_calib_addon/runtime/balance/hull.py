@@ -24,18 +24,7 @@ def grid_step(size: float) -> float:
 
 
 class HullTable:
-    """A set of points that computes the convex hull of some of them.
-
-    Parameters
-    ----------
-    points : array, shape (n, 2) or (n, k, 2)
-        One point, or k points, for each of n rows [m].
-
-    Raises
-    ------
-    ValueError
-        If a coordinate is not finite.
-    """
+    """A set of points that computes the convex hull of some of them."""
 
     def __init__(self, points: Array):
         points = np.asarray(points, float)
@@ -70,15 +59,7 @@ class HullTable:
         return _hull_of_halves(below, above)
 
     def changed(self, corners: list[GridPoint], removed: IntArray, added: IntArray) -> list[GridPoint] | None:
-        """Return the corners of a hull after a few rows have changed; None if a corner may be missing.
-
-        Parameters
-        ----------
-        corners : list of tuple of int
-            Of the hull before.
-        removed, added : array, shape (k,)
-            Rows that are no longer among its points, and those that are new.
-        """
+        """Return the corners of a hull after a few rows have changed; None if a corner may be missing."""
         if not self._points_of(removed).isdisjoint(corners):
             return None
         new = self._points_of(added)

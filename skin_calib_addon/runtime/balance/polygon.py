@@ -244,13 +244,7 @@ EMPTY_POLYGON = Polygon(np.empty((0, 2)))
 
 
 class PolygonTable:
-    """A set of points that computes the convex hull of some of them; an unchanged hull is the same polygon.
-
-    Parameters
-    ----------
-    table : HullTable
-        The points.
-    """
+    """A set of points that computes the convex hull of some of them; an unchanged hull is the same polygon."""
 
     def __init__(self, table: HullTable):
         self._table = table
@@ -259,15 +253,7 @@ class PolygonTable:
         self._polygon = EMPTY_POLYGON
 
     def hull(self, which: BoolArray, similar: "PolygonTable | None" = None) -> Polygon:
-        """Return the convex hull of the points of some rows.
-
-        Parameters
-        ----------
-        which : array of bool, shape (n,)
-            Those rows.
-        similar : PolygonTable, optional
-            Of the same points, with a last hull of similar rows. Default: this one, as few rows change between frames.
-        """
+        """Return the convex hull of the points of some rows."""
         similar = similar or self
         changed = (which != similar._which).nonzero()[0]
         corners = None
@@ -301,31 +287,12 @@ def convex_hull(points: Any) -> Polygon:
 
 
 def from_grid(corners: list[GridPoint], step: float) -> Polygon:
-    """Return the polygon of corners on a grid.
-
-    Parameters
-    ----------
-    corners : list of tuple of int
-        In steps of the grid, counter-clockwise.
-    step : float
-        Of the grid [m].
-    """
+    """Return the polygon of corners on a grid."""
     return Polygon(np.array(corners, float) * step) if corners else EMPTY_POLYGON
 
 
 def turn(a: Point, b: Point, c: Point) -> float:
-    """Return twice the area of a triangle, positive if it turns left. The sign is exact for any finite coordinates.
-
-    Parameters
-    ----------
-    a, b, c : tuple of float
-        Corners.
-
-    Returns
-    -------
-    float
-        ``(b - a) x (c - a)``; only its sign (-1, 0, 1) if rounding could change the sign.
-    """
+    """Return twice the area of a triangle, positive if it turns left. The sign is exact for any finite coordinates."""
     first, second = (b[0] - a[0]) * (c[1] - a[1]), (b[1] - a[1]) * (c[0] - a[0])
     # Not true if a term overflows.
     if abs(first - second) > ROUNDING_BOUND * (abs(first) + abs(second)) + UNDERFLOW_LIMIT:
@@ -355,15 +322,6 @@ def _moved_corners(loop: list[Point], edges: list[Point], extents: list[float]) 
     """Return the corners after each edge moved inward; None if little or nothing is left, where :func:`_cut` is needed.
 
     An edge that would run backwards is behind the intersection of its neighbours, and is left out.
-
-    Parameters
-    ----------
-    loop : list of tuple of float
-        Corners.
-    edges : list of tuple of float
-        Vector from each corner to the next one.
-    extents : list of float
-        Distance by which each edge moves, times its length.
     """
     left = list(range(len(loop)))
     while True:

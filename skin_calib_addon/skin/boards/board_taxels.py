@@ -78,13 +78,7 @@ def _ports(ids: tuple[str, ...], positions: Array, sides: Array, pairs: IntArray
 
 
 def with_tilts(patches: tuple[Patch, ...]) -> tuple[Patch, ...]:
-    """Return the same patches; the tilts of boards are those to their neighbours, of all patches.
-
-    Parameters
-    ----------
-    patches : tuple of Patch
-        All skins of a link, with the final neighbours.
-    """
+    """Return the same patches; the tilts of boards are those to their neighbours, of all patches."""
     if not any("tilt" in patch.taxels.quality for patch in patches):
         return patches
     row = {taxel: i for i, taxel in enumerate(taxel for patch in patches for taxel in patch.taxels.ids)}
@@ -111,18 +105,6 @@ def angles(normals: Array, pairs: IntArray) -> Array:
     r"""Return the angles between the normals of pairs of boards, exact also for small angles.
 
     .. math:: \alpha = 2 \arcsin(|n_a - n_b| / 2) \quad [rad]
-
-    Parameters
-    ----------
-    normals : array, shape (n, 3)
-        Unit normals.
-    pairs : array of int, shape (e, 2)
-        Rows of the boards.
-
-    Returns
-    -------
-    array, shape (e,)
-        Angles [rad].
     """
     a, b = normals[pairs[:, 0]], normals[pairs[:, 1]]
     return 2 * np.arcsin(np.clip(np.linalg.norm(a - b, axis=1) / 2, 0, 1))
@@ -148,15 +130,6 @@ def board_at(taxels: TaxelArray, lattice: HexLattice, point: Array) -> tuple[int
     """Return the axial coordinates of the board at a point of the link, whether the board exists or not.
 
     The lattice continues in the plane of the nearest existing board.
-
-    Parameters
-    ----------
-    taxels : TaxelArray
-        Taxels of the existing boards; ``index`` has their axial coordinates.
-    lattice : HexLattice
-        Lattice of the boards.
-    point : array, shape (3,)
-        Point on the link, or near it [m].
     """
     arms = point - taxels.positions_link
     i = int(np.argmin((arms**2).sum(axis=1)))

@@ -68,20 +68,7 @@ class FlatMap:
         return uv, np.linalg.norm(flat - self(uv), axis=1)
 
     def directions(self, uv: Array, angle: float) -> Array:
-        """Return tangents of the surface.
-
-        Parameters
-        ----------
-        uv : array, shape (k, 2)
-            Parameters.
-        angle : float
-            Angle of the tangents to the flat x axis [rad].
-
-        Returns
-        -------
-        array, shape (k, 3)
-            Unit tangents.
-        """
+        """Return tangents of the surface."""
         steps = _solved(self.slopes(uv), np.array((np.cos(angle), np.sin(angle))))
         r = self.surface.derivatives(uv)
         return unit(steps[:, :1] * r[1, 0] + steps[:, 1:] * r[0, 1])
@@ -114,25 +101,6 @@ def flat_map(
     .. math:: a^2 = c^2 + h^2\,(q^2 - \sin^2 q) / \sin^4 q \quad [m^2]
 
     with the chord c, its height h along the normals [m], and the angle 2 q between the normals.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    start : array, shape (2,)
-        Parameters of the zero of the plane.
-    direction : array, shape (3,), or None
-        Direction of the x axis there. None takes the direction of v.
-    fit : SurfaceFit or None
-        Fit of the surface. Parts without a mesh have hardly any weight.
-    spacing : float
-        Distance of the nodes [m].
-    over : float
-        Length by which a closed surface continues over its cut [m].
-
-    Returns
-    -------
-    FlatMap
     """
     along = row_axis(surface, start, surface.derivatives(start[None])[0, 1, 0] if direction is None else direction)
     ends = 0.0, 1.0

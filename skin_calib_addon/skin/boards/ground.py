@@ -73,19 +73,7 @@ class Ground:
         return free
 
     def is_over_mesh(self, points: Array, normals: Array) -> BoolArray:
-        """Return which points are above or below the mesh, and not beyond its edges.
-
-        Parameters
-        ----------
-        points : array, shape (k, 3)
-            [m]
-        normals : array, shape (k, 3)
-            Directions of the surface, unit.
-
-        Returns
-        -------
-        array of bool, shape (k,)
-        """
+        """Return which points are above or below the mesh, and not beyond its edges."""
         over = np.ones(len(points), bool)
         if self._distance is None:
             return over

@@ -20,28 +20,6 @@ def overlapping(
 
     Two prisms are apart if their shadows on the plane between them are. Boards on two sides of a thin part face away
     from each other; there the prisms themselves are compared. Trimmed boards have the width of the pitch.
-
-    Parameters
-    ----------
-    positions : array, shape (n, 3)
-        Centres of the boards [m].
-    normals : array, shape (n, 3)
-        Their unit normals.
-    tangents : array, shape (n, 3)
-        Directions of their rows, unit.
-    lattice : HexLattice
-        Size of the boards.
-    half : float
-        Half of their thickness [m].
-
-    Returns
-    -------
-    pairs : array of int, shape (k, 2)
-        Rows of the boards, in order.
-    depths : array, shape (k,)
-        Depths of the overlaps [m].
-    axes : array, shape (k, 3)
-        Directions, unit, in which the second board moves away from the first on the shortest distance.
     """
     pairs = cKDTree(positions).query_pairs(2 * (lattice.side + half), output_type="ndarray")
     pairs = pairs[np.lexsort(pairs.T[::-1])]
@@ -71,19 +49,7 @@ def overlapping(
 
 
 def largest_apart(count: int, conflicts: IntArray) -> BoolArray:
-    """Return a largest set of boards without conflicts, shape (count,); the first boards are preferred.
-
-    Parameters
-    ----------
-    count : int
-        Number of boards.
-    conflicts : array of int, shape (k, 2)
-        Pairs of which at most one is in the set.
-
-    Returns
-    -------
-    array of bool, shape (count,)
-    """
+    """Return a largest set of boards without conflicts, shape (count,); the first boards are preferred."""
     kept = np.ones(count, bool)
     if len(conflicts):
         which, pairs = np.unique(conflicts, return_inverse=True)

@@ -48,15 +48,7 @@ class Region:
         return cKDTree((start + fraction * (stop - start)).reshape(-1, 2))
 
     def may_be_centres(self, points: Array, more_than_once: bool = False) -> BoolArray:
-        """Return whether boards may be centred at flat points, by the nearest node.
-
-        Parameters
-        ----------
-        points : array, shape (k, 2)
-            [m]
-        more_than_once : bool
-            Whether all points of the map count that may be below a board, also beyond the cut of a tube.
-        """
+        """Return whether boards may be centred at flat points, by the nearest node."""
         distance, node = self._node_tree.query(points)
         return (self.covers if more_than_once else self.carries)[node] & (distance <= 2 * self.spacing)
 
@@ -79,21 +71,7 @@ class Region:
 
 
 def region_of(to_flat: FlatMap, ground: Ground, pitch: float) -> Region:
-    """Find the region of a map in which the ground carries boards.
-
-    Parameters
-    ----------
-    to_flat : FlatMap
-        The map.
-    ground : Ground
-        The ground.
-    pitch : float
-        Pitch of the boards [m].
-
-    Returns
-    -------
-    Region
-    """
+    """Find the region of a map in which the ground carries boards."""
     lines = [_even_line(to_flat, axis, pitch / BORDER_NODES_PER_PITCH) for axis in (0, 1)]
     uv, shape = pairs_of(*lines), (len(lines[0]), len(lines[1]))
     nodes = to_flat(uv)

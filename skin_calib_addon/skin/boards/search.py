@@ -44,17 +44,7 @@ class Poses:
 
     @classmethod
     def at(cls, angle: float, stretch: float, offsets: ArrayLike = ((0.0, 0.0),)) -> "Poses":
-        """Return poses of one angle and stretch.
-
-        Parameters
-        ----------
-        angle : float
-            [rad]
-        stretch : float
-            [1]
-        offsets : array, shape (k, 2)
-            [m]
-        """
+        """Return poses of one angle and stretch."""
         offsets = np.asarray(offsets, float)
         return cls(np.full(len(offsets), angle), np.full(len(offsets), stretch), offsets)
 
@@ -99,35 +89,14 @@ class Search:
         return np.array((min(around, length), along))
 
     def centres(self, poses: Poses, cells: IntArray) -> Array:
-        """Return the centres of cells at poses.
-
-        Parameters
-        ----------
-        poses : Poses
-            The k poses.
-        cells : array of int, shape (n, 2)
-            Axial coordinates.
-
-        Returns
-        -------
-        array, shape (k, n, 2)
-            [m]
-        """
+        """Return the centres of cells at poses."""
         centres = self.lattice.centres(cells) @ axes_at(poses.angles)
         ahead = np.eye(2) if self.period is None else unit(self.period)[None]
         centres = centres + (poses.stretches[:, None, None] - 1) * (centres @ ahead.T @ ahead)
         return centres + poses.offsets[:, None]
 
     def clearances(self, centres: Array, angle: float) -> Array:
-        """Return the clearances of boards from the border, negative over it, shape (n,) [m].
-
-        Parameters
-        ----------
-        centres : array, shape (n, 2)
-            Flat centres [m].
-        angle : float
-            Angle of the rows [rad].
-        """
+        """Return the clearances of boards from the border, negative over it, shape (n,) [m]."""
         corners = self.lattice.corners @ axes_at(angle)
         found = [self.region.depths(centres) - self._apothem]
         for fraction in DISC_POSITIONS:

@@ -13,31 +13,13 @@ DEGREE = 3  # of the splines through the nodes; fewer nodes than four have the l
 
 @lru_cache(maxsize=32)  # rows and columns change one at a time
 def spline_matrix(kept: Lines, sites: Lines, derivative: int = 0) -> Array:
-    """Return the matrix that maps values at some lines of nodes to those of their spline, shape (sites, kept).
-
-    Parameters
-    ----------
-    kept : tuple of int
-        Lines with values, ascending, in node distances.
-    sites : tuple of int
-        Where values are needed, in node distances.
-    derivative : int
-        0 for values, 1 for derivatives by the node distance.
-    """
+    """Return the matrix that maps values at some lines of nodes to those of their spline, shape (sites, kept)."""
     spline = make_interp_spline(kept, np.eye(len(kept)), k=min(DEGREE, len(kept) - 1))
     return locked(np.ascontiguousarray(spline(np.asarray(sites, float), nu=derivative)))
 
 
 def between(values: Array, rows: Array, columns: Array) -> Array:
-    """Return values between lines of nodes, shape (a, b, c).
-
-    Parameters
-    ----------
-    values : array, shape (p, q, c)
-        At the lines that have values.
-    rows, columns : array, shape (a, p) and (b, q)
-        Of `spline_matrix`.
-    """
+    """Return values between lines of nodes, shape (a, b, c)."""
     p, q, c = values.shape
     across = (rows @ values.reshape(p, -1)).reshape(-1, q, c)
     parts = [np.ascontiguousarray(across[..., k]) @ columns.T for k in range(c)]

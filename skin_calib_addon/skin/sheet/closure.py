@@ -54,11 +54,6 @@ def closure(sheet: WrappedSheet) -> Closure | None:
 
     Rows or columns are selected: the ones that lose the smaller fraction of their length in an overlap, else the ones
     whose ends are nearer to the sheet on average.
-
-    Parameters
-    ----------
-    sheet : WrappedSheet
-        The placed sheet.
     """
     lattice, layer = sheet.lattice, sheet.layer
     inside = sheet.inside.reshape(lattice.rows, lattice.columns)
@@ -108,21 +103,7 @@ def _of_lines(sheet: WrappedSheet, inside: BoolArray, met: Meetings, axis: int) 
 
 
 def _distances(layer: BSplineSurface, uv: Array, present: BoolArray, lines: IntArray, last: IntArray) -> Array:
-    """Return the shortest distance from the last side of each line to the outline of the sheet one turn later [m].
-
-    Parameters
-    ----------
-    layer : BSplineSurface
-        The surface.
-    uv : array, shape (a, b, 2)
-        Parameters of the nodes; lines run along the second axis.
-    present : array of bool, shape (rows, columns)
-        Cells of the sheet.
-    lines : array of int, shape (k,)
-        Lines with cells.
-    last : array of int, shape (rows,)
-        Last cell of each line.
-    """
+    """Return the shortest distance from the last side of each line to the outline of the sheet one turn later [m]."""
     outline, before, after = _outline(present)
     places = uv[tuple(outline.T)]
     ends = np.stack([uv[2 * lines + part, 2 * last[lines] + 2] for part in (0, 1, 2)], axis=1)  # (k, 3, 2)
@@ -178,13 +159,6 @@ def _to_segments(apart: Array, lengths: Array) -> Array:
     r"""Return the distances from points to segments, from those to the ends of the segments (law of cosines).
 
     .. math:: d^2(t) = d_0^2 + t\,(d_1^2 - d_0^2 - l^2) + t^2 l^2, \quad 0 \le t \le 1 \quad [m^2]
-
-    Parameters
-    ----------
-    apart : array, shape (k, 3, 3)
-        Distances from three points to the three ends of two segments [m].
-    lengths : array, shape (k, 2)
-        Lengths l of the segments [m].
     """
     near, far, squared = apart[..., :-1] ** 2, apart[..., 1:] ** 2, lengths[:, None] ** 2
     slope = far - near - squared
@@ -198,22 +172,6 @@ def shortest_paths(layer: BSplineSurface, start: Array, end: Array) -> tuple[Arr
     .. math:: \min \sum_i |p_{i+1} - p_i|^2 \quad [m^2]
 
     over the points p of the path between its ends; the minimum has equal segments on a geodesic.
-
-    Parameters
-    ----------
-    layer : BSplineSurface
-        The surface.
-    start, end : array, shape (k, 2)
-        Parameters of the ends.
-
-    Returns
-    -------
-    lengths : array, shape (k,)
-        Lengths [m].
-    headings : array, shape (k, 3)
-        Unit tangents at the start.
-    normals : array, shape (k, 3)
-        Unit normals there.
     """
     count, inner = len(start), PATH_SEGMENTS - 1
     fractions = np.linspace(0, 1, PATH_SEGMENTS + 1)[:, None]

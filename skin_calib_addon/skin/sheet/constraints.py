@@ -45,15 +45,7 @@ class Constraints:
         return rows
 
     def violations(self, uv: Array, points: Array) -> Array:
-        """Return the violation of each constraint, shape (constraints,): parameters, and an angle [rad].
-
-        Parameters
-        ----------
-        uv : array, shape (n, 2)
-            Parameters of the nodes.
-        points : array, shape (n, 3)
-            Their points [m].
-        """
+        """Return the violation of each constraint, shape (constraints,): parameters, and an angle [rad]."""
         violations = (uv[self.nodes] - self.uv).ravel()
         if len(self.turning) == 0:
             return violations
@@ -63,22 +55,7 @@ class Constraints:
 
 
 def row_axis(surface: BSplineSurface, uv: Array, direction: ArrayLike) -> Array:
-    """Return the tangential part of a direction at ``uv``, a unit vector of shape (3,).
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    uv : array, shape (2,)
-        Parameters of the point.
-    direction : array, shape (3,)
-        Direction in the link frame.
-
-    Raises
-    ------
-    InvalidPlan
-        If the direction is perpendicular to the surface.
-    """
+    """Return the tangential part of a direction at ``uv``, a unit vector of shape (3,)."""
     normal, wanted = surface.normals(uv[None])[0], np.asarray(direction, float)
     tangent = wanted - (wanted @ normal) * normal
     if np.linalg.norm(tangent) < MIN_DIRECTION_SINE * np.linalg.norm(wanted) or not wanted.any():
@@ -94,21 +71,6 @@ def pin_constraints(surface: BSplineSurface, net: Net, uv: Array, along: Array) 
 
     Geodesics from the pinned node give the target positions of the adjacent nodes. The x axis of the net leaves the
     pinned node in the direction ``along``.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    net : Net
-        The net.
-    uv : array, shape (n, 2)
-        First guess of all nodes.
-    along : array, shape (3,)
-        Unit tangent at the pinned node.
-
-    Returns
-    -------
-    Constraints
     """
     pin, adjacent = net.pin, net.adjacent_to_pin
     r = surface.derivatives(uv[pin])[:, :, 0]
@@ -130,36 +92,13 @@ def pin_constraints(surface: BSplineSurface, net: Net, uv: Array, along: Array) 
 
 
 def rigid_loads(net: Net, x_axis: Array, y_axis: Array) -> Array:
-    """Return the loads on all nodes that push a net along x and y, and rotate it, shape (3, n, 3).
-
-    Parameters
-    ----------
-    net : Net
-        The net.
-    x_axis, y_axis : array, shape (n, 3)
-        Directions of the flat axes at each node.
-    """
+    """Return the loads on all nodes that push a net along x and y, and rotate it, shape (3, n, 3)."""
     x, y = (net.flat - net.load_fractions @ net.flat).T / max(float(np.ptp(net.flat)), net.pitch)
     return np.stack((x_axis, y_axis, x[:, None] * y_axis - y[:, None] * x_axis)) * net.load_fractions[:, None]
 
 
 def flat_axes(surface: BSplineSurface, net: Net, uv: Array) -> tuple[Array, Array]:
-    """Return the directions of the flat axes at each node: the mean over the pairs of the node.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    net : Net
-        The net.
-    uv : array, shape (n, 2)
-        Parameters of the nodes.
-
-    Returns
-    -------
-    x_axis, y_axis : array, shape (n, 3)
-        Unit tangents.
-    """
+    """Return the directions of the flat axes at each node: the mean over the pairs of the node."""
     r = surface.derivatives(uv)
     points, normals = r[0, 0], unit(cross(r[1, 0], r[0, 1]))
     chords = points[net.pairs[:, 1]] - points[net.pairs[:, 0]]

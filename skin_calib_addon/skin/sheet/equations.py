@@ -52,26 +52,7 @@ class NetEquations:
         violation: Array,
         loads: Array,
     ) -> Array | None:
-        """Return the step of the parameters of all nodes, shape (n, 2); None if H is not positive definite.
-
-        Parameters
-        ----------
-        strain_slopes : array, shape (e, 2, 2)
-            Derivatives of the strain of each pair with respect to (u, v) of its two nodes.
-        turn_slopes : array, shape (e, 2, 2)
-            Derivatives of the displacement across each pair, divided by its length, with respect to the same
-            parameters.
-        turn_stiffness : array, shape (e,), or None
-            Stiffness of each pair against rotation. None omits the term (Gauss-Newton).
-        strain : array, shape (e,)
-            Strains e.
-        jacobian : array, shape (k, n, 2)
-            Derivatives C of the constraints with respect to the parameters.
-        violation : array, shape (k,)
-            Violations c of the constraints.
-        loads : array, shape (k, n, 2)
-            Forces Q that keep the constraints, as they act on the parameters.
-        """
+        """Return the step of the parameters of all nodes, shape (n, 2); None if H is not positive definite."""
         strain_slopes, turns = strain_slopes.reshape(-1, 4), turn_slopes.reshape(-1, 4)
         blocks = strain_slopes[:, :, None] * strain_slopes[:, None]
         if turn_stiffness is not None:

@@ -28,15 +28,6 @@ def turned_over(layer: BSplineSurface, lattice: SheetLattice, uv: Array) -> Bool
         \sigma \det(a, b) > 0 \quad \text{in } (u, v), \qquad \sigma \, (A \times B) \cdot n > 0 \quad [m^2]
 
     with the sides a, b of a triangle in the parameters, its sides A, B in space, and the sign of the flat triangle.
-
-    Parameters
-    ----------
-    layer : BSplineSurface
-        Surface of the neutral layer.
-    lattice : SheetLattice
-        The flat sheet.
-    uv : array, shape (a, b, 2)
-        Parameters of the nodes.
     """
     wrong = turned_meshes(lattice, uv)
     cells = (wrong[::2, ::2] | wrong[1::2, ::2] | wrong[::2, 1::2] | wrong[1::2, 1::2]).ravel()
@@ -51,15 +42,7 @@ def turned_over(layer: BSplineSurface, lattice: SheetLattice, uv: Array) -> Bool
 
 
 def turned_meshes(lattice: SheetLattice, uv: Array) -> BoolArray:
-    """Return which meshes between four nodes have a half that is turned over in the parameters, shape (a - 1, b - 1).
-
-    Parameters
-    ----------
-    lattice : SheetLattice
-        The flat sheet.
-    uv : array, shape (a, b, 2)
-        Parameters of some of its rows and columns of nodes.
-    """
+    """Return which quadrangles (a - 1, b - 1) of nodes have a half that is turned over in the parameters."""
     hand = np.sign(lattice.step[0])
     along, across = np.diff(uv, axis=1), np.diff(uv, axis=0)
     a, b = len(across), along.shape[1]
@@ -86,23 +69,7 @@ class Meetings:
 
 
 def meetings(sheet_uv: Array, layer: BSplineSurface, inside: BoolArray, turns: Sequence[int]) -> Meetings:
-    """Find the nodes of a sheet that are within another part of it.
-
-    Parameters
-    ----------
-    sheet_uv : array, shape (a, b, 2)
-        Parameters of the nodes, continuous over a seam.
-    layer : BSplineSurface
-        Surface of the neutral layer.
-    inside : array of bool, shape (rows, columns)
-        Cells that belong to the sheet.
-    turns : sequence of int
-        Turns around the link at which to search. Zero finds parts that are not adjacent on the sheet.
-
-    Returns
-    -------
-    Meetings
-    """
+    """Find the nodes of a sheet that are within another part of it."""
     a, b, _ = sheet_uv.shape
     quarter = np.repeat(np.repeat(inside, 2, axis=0), 2, axis=1)
     i, j = np.nonzero(quarter)
@@ -138,24 +105,7 @@ def meetings(sheet_uv: Array, layer: BSplineSurface, inside: BoolArray, turns: S
 
 
 def check_folds(layer: BSplineSurface, lattice: SheetLattice, uv: Array, inside: BoolArray) -> None:
-    """Check that no cell of a sheet is turned over, and that no two of its cells are in one place.
-
-    Parameters
-    ----------
-    layer : BSplineSurface
-        Surface of the neutral layer.
-    lattice : SheetLattice
-        The flat sheet.
-    uv : array, shape (a, b, 2)
-        Parameters of the nodes, continuous over a seam.
-    inside : array of bool, shape (cells,)
-        Cells that belong to the sheet.
-
-    Raises
-    ------
-    InvalidPlan
-        If the sheet is folded; names the first cell.
-    """
+    """Check that no cell of a sheet is turned over, and that no two of its cells are in one place."""
     which = np.flatnonzero(turned_over(layer, lattice, uv) & inside)
     if len(which):
         row, column = lattice.index[which[0]].tolist()

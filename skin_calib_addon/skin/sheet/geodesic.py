@@ -21,24 +21,6 @@ def unroll(surface: BSplineSurface, flat: Array, uv: Array, along: Array, step: 
 
     One geodesic starts at ``uv`` along the x axis. Others leave it at right angles. On a developable surface the result
     is isometric. On other surfaces it is a first guess.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    flat : array, shape (n, 2)
-        Flat points relative to the point at ``uv``, x along the first geodesic [m].
-    uv : array, shape (2,)
-        Parameters of the start.
-    along : array, shape (3,)
-        Unit tangent at the start.
-    step : float
-        Distance between the computed points of the geodesics; the others are interpolated [m].
-
-    Returns
-    -------
-    array, shape (n, 2)
-        Parameters, continuous over a seam.
     """
     (left, below), (right, above) = (
         np.maximum(np.ceil(extent / step - ROUNDING), 1).astype(int) for extent in (-flat.min(axis=0), flat.max(axis=0))
@@ -55,14 +37,7 @@ def unroll(surface: BSplineSurface, flat: Array, uv: Array, along: Array, step: 
 def _trace_both(
     surface: BSplineSurface, uv: Array, tangents: Array, step: float, before: int, count: int
 ) -> tuple[Array, Array]:
-    """Trace geodesics through each ``uv`` in both directions, with ``before`` of their ``count`` points before it.
-
-    Returns
-    -------
-    path : array, shape (count, k, 2)
-    tangents : array, shape (count, k, 3)
-        Unit, in the direction of increasing index.
-    """
+    """Trace geodesics through each ``uv`` in both directions, with ``before`` of their ``count`` points before it."""
     k = len(uv)
     extent = max(before, count - 1 - before)
     path, heading = trace(surface, np.concatenate((uv, uv)), np.concatenate((tangents, -tangents)), step, extent)
@@ -74,28 +49,7 @@ def _trace_both(
 
 
 def trace(surface: BSplineSurface, uv: Array, tangents: Array, step: Array | float, count: int) -> tuple[Array, Array]:
-    """Trace geodesics by ``count`` steps from each start.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    uv : array, shape (k, 2)
-        Parameters of the starts.
-    tangents : array, shape (k, 3)
-        Unit tangents at the starts.
-    step : float or array, shape (k, 1)
-        Length of one step [m].
-    count : int
-        Number of steps.
-
-    Returns
-    -------
-    path : array, shape (count + 1, k, 2)
-        Parameters, continuous over a seam.
-    tangents : array, shape (count + 1, k, 3)
-        Unit tangents.
-    """
+    """Trace geodesics by ``count`` steps from each start."""
     path, headings = [uv], [tangents]
     steps = np.broadcast_to(step, (len(uv), 1))
     r = surface.derivatives(uv, order=2)
@@ -112,24 +66,6 @@ def _advance(surface: BSplineSurface, start: Array, r: Array, step: Array) -> tu
 
     A geodesic has unit speed. A change of the speed shows that the step is too long. If the largest number of substeps
     is not enough, the step goes straight ahead and ends at the footpoint on the surface.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    start : array, shape (k, 2, 2)
-        Parameters and their rates at the start.
-    r : array, shape (3, 3, k, 3)
-        Derivatives of the surface there.
-    step : array, shape (k, 1)
-        Lengths of the steps [m].
-
-    Returns
-    -------
-    state, r : array
-        The same at the end.
-    tangents : array, shape (k, 3)
-        Unit tangents at the end.
     """
     first, up = r, unit(cross(r[1, 0], r[0, 1]))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

@@ -43,28 +43,7 @@ class LandmarkTargets:
     def of(
         cls, surface: BSplineSurface, layer: BSplineSurface, lattice: SheetLattice, landmarks: Sequence[Landmark]
     ) -> "LandmarkTargets":
-        """Return the targets for some landmarks.
-
-        Parameters
-        ----------
-        surface : BSplineSurface
-            The fitted surface.
-        layer : BSplineSurface
-            Surface of the neutral layer, with the same parameters.
-        lattice : SheetLattice
-            The flat sheet.
-        landmarks : sequence of Landmark
-            Two or more.
-
-        Returns
-        -------
-        LandmarkTargets
-
-        Raises
-        ------
-        InvalidPlan
-            If two landmarks have the same cell or the same point, or one is far from the surface.
-        """
+        """Return the targets for some landmarks."""
         for k, landmark in enumerate(landmarks):
             for other in landmarks[:k]:
                 if other.cell == landmark.cell or other.point == landmark.point:
@@ -78,20 +57,7 @@ class LandmarkTargets:
         return cls(layer, flat, uv, np.array(lattice.pitch[::-1]))
 
     def heading(self, along: Array, step: float) -> Array:
-        """Rotate the tangent ``along`` at the first landmark until the other cells are nearest to their landmarks.
-
-        Parameters
-        ----------
-        along : array, shape (3,)
-            First guess, a unit tangent.
-        step : float
-            Distance between the computed points of geodesics [m].
-
-        Returns
-        -------
-        array, shape (3,)
-            Unit tangent.
-        """
+        """Rotate the tangent ``along`` at the first landmark until the other cells are nearest to their landmarks."""
         start, aims = self.uv[0], self.layer.points(self.uv[1:])
         normal = self.layer.normals(start[None])[0]
 
@@ -106,19 +72,7 @@ class LandmarkTargets:
         return along
 
     def constraints(self, net: Net, uv: Array) -> Constraints:
-        """Return the constraints of a net: two landmarks rotate it, more of them stretch it.
-
-        Parameters
-        ----------
-        net : Net
-            The net.
-        uv : array, shape (n, 2)
-            First guess of its nodes.
-
-        Returns
-        -------
-        Constraints
-        """
+        """Return the constraints of a net: two landmarks rotate it, more of them stretch it."""
         nodes = np.array([int(np.argmin(((net.flat - place) ** 2).sum(axis=1))) for place in self.flat])
         targets = self.uv + np.where(self.layer.closed, np.rint(uv[nodes] - self.uv), 0.0)
         x_axis, y_axis = flat_axes(self.layer, net, uv)
@@ -145,26 +99,7 @@ class LandmarkTargets:
 
 
 def located(surface: BSplineSurface, points: Array, names: Sequence[str]) -> Array:
-    """Return the parameters of the surface points nearest to points of an author.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The fitted surface.
-    points : array, shape (k, 3)
-        In the link frame [m].
-    names : sequence of str
-        Names of the points in messages.
-
-    Returns
-    -------
-    array, shape (k, 2)
-
-    Raises
-    ------
-    InvalidPlan
-        If a point is more than 5 mm from the surface; the message has the distance.
-    """
+    """Return the parameters of the surface points nearest to points of an author."""
     uv, distance = footpoints(surface, points)
     far = np.flatnonzero(distance > MAX_POINT_DISTANCE)
     if len(far):

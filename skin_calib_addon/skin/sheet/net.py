@@ -65,21 +65,7 @@ class Net:
 
 @lru_cache(maxsize=32)
 def grid_net(lines: tuple[Lines, Lines], step: tuple[float, float], pinned: tuple[int, int]) -> Net:
-    """Return a rectangular grid; nodes keep their distances along rows, across rows and along both diagonals.
-
-    Parameters
-    ----------
-    lines : pair of tuple of int
-        Positions of the rows and of the columns of nodes, in steps.
-    step : pair of float
-        Length of a step across the rows and along them [m]; the first is negative for a left-handed sheet.
-    pinned : pair of int
-        Position of the pinned node.
-
-    Returns
-    -------
-    Net
-    """
+    """Return a rectangular grid; nodes keep their distances along rows, across rows and along both diagonals."""
     rows, columns = (np.array(positions) for positions in lines)
     shape = len(rows), len(columns)
     i, j = (k.ravel() for k in np.meshgrid(rows, columns, indexing="ij"))
@@ -106,19 +92,7 @@ def _widths(positions: IntArray) -> Array:
 
 
 def board_net(lattice: HexLattice, cells: IntArray) -> Net:
-    """Return the centres of boards; neighbours keep their distance through space, and the first board is pinned.
-
-    Parameters
-    ----------
-    lattice : HexLattice
-        Lattice of the boards.
-    cells : array of int, shape (n, 2)
-        Axial coordinates.
-
-    Returns
-    -------
-    Net
-    """
+    """Return the centres of boards; neighbours keep their distance through space, and the first board is pinned."""
     number = {cell: i for i, cell in enumerate(map(tuple, cells.tolist()))}
     pairs = [
         (i, number[q + a, r + b]) for (q, r), i in number.items() for a, b in PORTS[:3] if (q + a, r + b) in number

@@ -20,23 +20,6 @@ def offset_surface(surface: BSplineSurface, distance: float) -> BSplineSurface:
     .. math:: S_h(u, v) = S(u, v) + h\,n(u, v) \quad [m]
 
     The parallel surface of a spline is not a spline. The result approximates it with twice the spans.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    distance : float
-        Height h above the surface, positive outward [m].
-
-    Returns
-    -------
-    BSplineSurface
-        The surface itself if the distance is zero.
-
-    Raises
-    ------
-    InvalidPlan
-        If the radius of curvature is smaller than the distance, so that the parallel surface folds.
     """
     if distance == 0:
         return surface

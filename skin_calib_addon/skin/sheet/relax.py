@@ -36,30 +36,6 @@ def relax(
     L are the flat lengths of the pairs and l their lengths on the surface [m]; w are the weights and c the constraints.
     Constraint forces act as distributed loads, see :class:`Constraints`. A step that increases the energy is halved,
     unless it reduces the violation of the constraints. After it, the steps are Gauss-Newton steps.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    net : Net
-        Flat nodes and pairs.
-    uv : array, shape (n, 2)
-        First guess of the parameters of the nodes.
-    constraints : Constraints
-        What fixes the net.
-    weights : array, shape (e,), optional
-        Weight w of each pair; by default 1.
-    tolerance : float
-        Movement of the nodes in the step after the last, as a fraction of the pitch.
-
-    Returns
-    -------
-    array, shape (n, 2)
-
-    Raises
-    ------
-    InvalidPlan
-        If the equations have no solution: the curvature of the surface is too high.
     """
     system, (start, stop) = equations_of(net), net.pairs.T
     scale = np.ones(len(net.pairs)) if weights is None else np.sqrt(weights)
@@ -116,24 +92,6 @@ def pair_lengths(points: Array, normals: Array, pairs: IntArray, straight: bool 
     .. math:: \ell = c \left(1 + \frac{2 s^2 - s t + 2 t^2}{30}\right) \quad [m]
 
     with the chord c [m] and its slopes s and t against the surface at the two ends [rad].
-
-    Parameters
-    ----------
-    points : array, shape (n, 3)
-        Points of the surface [m].
-    normals : array, shape (n, 3)
-        Unit normals there.
-    pairs : array of int, shape (e, 2)
-        Rows of the points.
-    straight : bool
-        Measure the chord through space instead.
-
-    Returns
-    -------
-    lengths : array, shape (e,)
-        Lengths [m].
-    pull : array, shape (e, 2, 3)
-        Gradient of each length with respect to its two ends.
     """
     if straight:
         chord = points[pairs[:, 1]] - points[pairs[:, 0]]
@@ -146,22 +104,7 @@ def pair_lengths(points: Array, normals: Array, pairs: IntArray, straight: bool 
 
 
 def arcs(points: Array, normals: Array, pairs: IntArray) -> tuple[Array, Array, Array]:
-    """Return the lengths of `pair_lengths` along the surface (e,) [m], and the directions of the chords.
-
-    Parameters
-    ----------
-    points, normals, pairs : array
-        As for :func:`pair_lengths`.
-
-    Returns
-    -------
-    lengths : array, shape (e,)
-        [m]
-    heading : array, shape (e, 3)
-        Unit vectors from the first point of each pair to the second.
-    sines : array, shape (e, 2)
-        Of the angles of the chord to the surface at its two ends.
-    """
+    """Return the lengths of `pair_lengths` along the surface (e,) [m], and the directions of the chords."""
     chord = points[pairs[:, 1]] - points[pairs[:, 0]]
     length = np.linalg.norm(chord, axis=1)
     heading = chord / length[:, None]

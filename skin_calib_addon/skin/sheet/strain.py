@@ -34,16 +34,6 @@ def cell_strain(sheet: WrappedSheet) -> Array:
 
 
 def strain_of(lattice: SheetLattice, along: Array, across: Array, rising: Array, falling: Array) -> Array:
-    """Return the strain of cells as `cell_strain`, shape (k, 3).
-
-    Parameters
-    ----------
-    lattice : SheetLattice
-        Has the pitches.
-    along, across : array, shape (k,)
-        Lengths of the cells along the row and across the rows [m].
-    rising, falling : array, shape (k,)
-        Lengths of their diagonals [m].
-    """
+    """Return the strain of cells as `cell_strain`, shape (k, 3)."""
     shear = np.arcsin(np.clip((rising**2 - falling**2) / (4 * along * across), -1, 1))
     return np.column_stack((along / lattice.pitch[1] - 1, across / lattice.pitch[0] - 1, shear))

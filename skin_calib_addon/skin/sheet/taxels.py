@@ -82,20 +82,6 @@ def preview_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0) -> Ta
 
     Between the placed nodes, positions and normals are those of splines. Strains follow from the derivatives of these
     positions at the centre of each cell. The taxels have no neighbours.
-
-    Parameters
-    ----------
-    sheet : WrappedSheet
-        The placed sheet.
-    name : str
-        Name of the patch.
-    first_channel : int
-        As for :func:`sheet_taxels`.
-
-    Returns
-    -------
-    TaxelArray
-        In the link frame.
     """
     lattice, inside = sheet.lattice, sheet.inside
     rows, columns = sheet.lines
@@ -132,19 +118,6 @@ def preview_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0) -> Ta
 
 
 def fan_areas(centres: Array, corners: Array) -> Array:
-    """Return the area of each cell as the sum of the triangles from its centre to its sides.
-
-    Parameters
-    ----------
-    centres : array, shape (n, 3)
-        Centres [m].
-    corners : array, shape (n, k, 3)
-        Corners in order [m].
-
-    Returns
-    -------
-    array, shape (n,)
-        Areas [m^2].
-    """
+    """Return the area of each cell as the sum of the triangles from its centre to its sides."""
     arms = corners - centres[:, None]
     return np.linalg.norm(np.cross(arms, np.roll(arms, -1, axis=1)), axis=2).sum(axis=1) / 2

@@ -198,28 +198,6 @@ def _relax_sheet(
     """Return the nodes of least strain, shape (a, b, 2), from the first start that leaves no cell turned over.
 
     A fold has no strain and stays.
-
-    Parameters
-    ----------
-    layer : BSplineSurface
-        Surface of the neutral layer.
-    lattice : SheetLattice
-        The flat sheet.
-    net : Net
-        Its net.
-    starts : iterable of array, shape (a, b, 2)
-        First guesses of all nodes.
-    constrain : function
-        Returns the constraints of a net at given parameters.
-    trim, preview : bool
-        As for :func:`wrap_sheet`.
-
-    Returns
-    -------
-    uv : array, shape (a, b, 2)
-        Parameters of the nodes.
-    is_fine : bool
-        Whether no cell is turned over.
     """
     areas = net.load_fractions[net.pairs].mean(axis=1) * len(net.flat)
     is_even = len(net.flat) == np.prod(lattice.node_shape)
@@ -242,42 +220,14 @@ def _relax_sheet(
 
 
 def root_of(surface: BSplineSurface, origin: ArrayLike | None, name: str = "The origin") -> Array:
-    """Return the parameters, shape (2,), of the surface point nearest to an origin.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    origin : array, shape (3,), or None
-        Position [m]; None gives the middle of the surface.
-    name : str, optional
-        Of the origin, for the message.
-
-    Raises
-    ------
-    InvalidPlan
-        If the origin is far from the surface.
-    """
+    """Return the parameters, shape (2,), of the surface point nearest to an origin."""
     if origin is None:
         return np.array(surface_centre(surface))
     return located(surface, np.asarray(origin, float)[None], [name])[0]
 
 
 def root_near(surface: BSplineSurface, origin: ArrayLike | None, near: WrappedSheet) -> Array | None:
-    """Return the same parameters, found by a descent from those of a sheet on a similar surface.
-
-    Parameters
-    ----------
-    surface, origin
-        As for `root_of`.
-    near : WrappedSheet
-        The sheet.
-
-    Returns
-    -------
-    array, shape (2,), or None
-        None where the descent ends away from the point: another part of the surface may be nearer.
-    """
+    """Return the same parameters, found by a descent from those of a sheet on a similar surface."""
     point = surface.centre if origin is None else np.asarray(origin, float)
     if point is None:
         return None
@@ -293,33 +243,12 @@ def size_of(surface: BSplineSurface) -> float:
 
 
 def on_surface(surface: BSplineSurface, uv: Array) -> BoolArray:
-    """Return whether parameters (..., 2) are within the edges of the surface.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    uv : array, shape (..., 2)
-        Parameters.
-    """
+    """Return whether parameters (..., 2) are within the edges of the surface."""
     return (surface.closed | (np.abs(uv - 0.5) <= 0.5 + PARAMETER_TOLERANCE)).all(axis=-1)
 
 
 def check_size(surface: BSplineSurface, pitch: tuple[float, float]) -> None:
-    """Check that a cell is not larger than the surface.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    pitch : pair of float
-        Sides of a cell [m].
-
-    Raises
-    ------
-    InvalidPlan
-        If it is.
-    """
+    """Check that a cell is not larger than the surface."""
     if max(pitch) > size_of(surface):
         raise InvalidPlan(
             f"a cell of {pitch[0] * 1e3:g} x {pitch[1] * 1e3:g} mm is larger than the whole surface, "
@@ -347,22 +276,7 @@ def _check_inside(surface: BSplineSurface, lattice: SheetLattice, uv: Array) -> 
 
 
 def beyond_edge(surface: BSplineSurface, uv: Array) -> tuple[float, str]:
-    """Return the distance of parameters (2,) beyond the farthest edge [m], and the name of the edge.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    uv : array, shape (2,)
-        Parameters outside the surface.
-
-    Returns
-    -------
-    gap : float
-        Distance [m].
-    edge : str
-        For example ``"u = 1"``.
-    """
+    """Return the distance of parameters (2,) beyond the farthest edge [m], and the name of the edge."""
     axis = int(np.argmax(np.where(surface.closed, 0.0, np.abs(uv - 0.5))))
     inner = uv.copy()
     inner[axis] = np.clip(uv[axis], 0, 1)
