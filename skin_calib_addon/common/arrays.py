@@ -54,7 +54,7 @@ def unit(vectors: Any) -> Array:
 
 
 def norms(vectors: Array) -> Array:
-    """Return the lengths of vectors; equal to ``numpy.linalg.norm`` along the last axis, and three times as fast."""
+    """Return the lengths (...) of vectors (..., d): ``numpy.linalg.norm`` along the last axis, three times as fast."""
     first, *others = np.moveaxis(vectors, -1, 0)
     squares = first * first
     for x in others:
@@ -63,12 +63,12 @@ def norms(vectors: Array) -> Array:
 
 
 def along(vectors: Array, direction: Array) -> Array:
-    """Return the components of vectors along one direction, without starting the threads of BLAS."""
+    """Return the components (...) of vectors (..., 3) along one direction, without starting the threads of BLAS."""
     return vectors[..., 0] * direction[0] + vectors[..., 1] * direction[1] + vectors[..., 2] * direction[2]
 
 
 def row_order(rows: Array | IntArray) -> IntArray:
-    """Return the order of rows by their first number, then by the second, and so on; equal rows stay in their order.
+    """Return the order (n,) of rows (n, d) by their first number, then by the second, and so on; the order is stable.
 
     Rows of which most are in order already, without equal first numbers, take hardly any time.
     """
@@ -81,7 +81,7 @@ def row_order(rows: Array | IntArray) -> IntArray:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Return cross products; equal to ``numpy.cross`` and three times as fast."""
+    """Return cross products (..., 3); equal to ``numpy.cross`` and three times as fast."""
     result = np.empty(a.shape)
     (ax, ay, az), (bx, by, bz) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
     result[..., 0] = ay * bz - az * by
@@ -103,10 +103,10 @@ MIN_DIRECTION_LENGTH = 1e-6
 
 
 def over_rows(rows: Array, matrix: Array) -> Array:
-    """Multiply rows with a matrix in one product; ``rows @ matrix`` takes one for each matrix of rows."""
+    """Multiply rows (..., k) with a matrix (k, m) in one product; ``rows @ matrix`` takes one per leading index."""
     return (rows.reshape(-1, rows.shape[-1]) @ matrix).reshape(*rows.shape[:-1], matrix.shape[1])
 
 
 def pairs_of(u: Array, v: Array) -> Array:
-    """Return every pair of two lists of numbers, with the second one changing faster."""
+    """Return every pair (k * l, 2) of two lists of numbers, with the second one changing faster."""
     return np.column_stack((np.repeat(u, len(v)), np.tile(v, len(u))))

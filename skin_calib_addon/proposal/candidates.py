@@ -105,7 +105,7 @@ def cuts_in_front(on: LinkPoints, normal: Array, least: float) -> Iterator[Cut]:
 
 
 def heights_in_front(on: LinkPoints, points: Array, normal: Array) -> Array:
-    """Return the height of the next part of the link in front of points, at least ``MIN_GAP`` above each."""
+    """Return the height (n,) [m] of the next part of the link above points, at least ``MIN_GAP``, or infinity."""
     every = np.vstack((on.seen_points, points))
     heights = every @ normal
     places = np.floor(every @ np.linalg.svd(normal[None])[2][1:].T / POINT_DISTANCE)  # in two directions across it

@@ -66,7 +66,7 @@ class LinkPoints:
         return near
 
     def largest_bare_piece(self, covered: BoolArray) -> IntArray:
-        """Return the points of the largest connected piece of the free area that is not covered, nor next to it."""
+        """Return the points (n,) of the largest connected piece of the free area that is not covered or next to it."""
         bare = np.flatnonzero(self.free & ~self._next_to(covered))
         if not len(bare):
             return bare
@@ -85,7 +85,7 @@ class LinkPoints:
         return np.asarray(self.tree.query(with_normals(points, normals))[1])
 
     def are_near(self, chosen: BoolArray, points: Array, normals: Array) -> BoolArray:
-        """Return which points are near to a point on their side of the link that is chosen."""
+        """Return which points (n, 3) are near to a chosen point on their side of the link."""
         index = self.tree.query(with_normals(points, normals), distance_upper_bound=2 * POINT_DISTANCE)[1]
         return np.append(chosen, False)[index]  # the index of none is the number of points
 

@@ -10,7 +10,7 @@ Loops = tuple[tuple[tuple[float, float, float], ...], ...]
 
 
 def loops_around(mask: BoolArray, points: Array, closed: bool, tolerance: float) -> Loops:
-    """Return closed loops halfway between the sites inside and those outside a mask."""
+    """Return closed loops of points [m] halfway between the sites inside a mask (k, l) and those outside."""
     found = []
     for chain in chains(mask, closed):
         corners = np.array([corner(points, at, closed) for at in chain])
@@ -60,7 +60,7 @@ def chains(mask: BoolArray, closed: bool) -> list[list[Corner]]:
 
 
 def corner(points: Array, at: Corner, closed: bool) -> Array:
-    """Return the mean of the points of the four sites around a corner; at the edge of open surfaces, of two or one."""
+    """Return the mean (3,) of the points of the four sites around a corner; at open edges of two or one."""
     k, l = points.shape[:2]
     rows = np.clip((at[0] - 1, at[0]), 0, k - 1)
     columns = np.array((at[1] - 1, at[1])) % l if closed else np.clip((at[1] - 1, at[1]), 0, l - 1)

@@ -193,7 +193,7 @@ def covered_points(fit: SurfaceFit, surface: BSplineSurface, on: LinkPoints) -> 
 
 
 def even_parameters(fit: SurfaceFit, surface: BSplineSurface) -> tuple[Array, Array]:
-    """Return parameters of points that are at most ``POINT_DISTANCE`` apart where the fit is trusted."""
+    """Return parameters u (k,), v (l,) of points at most ``POINT_DISTANCE`` apart where the fit is trusted."""
     u, v = (np.linspace(0, 1, SITES_PER_SPAN * n) for n in fit.offsets.shape)
     trusted = fit.is_trusted(pairs_of(u, v)).reshape(len(u), len(v))
     points = np.where(trusted[..., None], surface.grid_points(u, v), np.nan)

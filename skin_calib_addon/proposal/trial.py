@@ -181,7 +181,7 @@ def opened(mask: BoolArray, points: Array, closed: bool, radius: float = OPENING
 
 
 def area_vectors(points: Array, closed: bool) -> Array:
-    """Return vectors along the normals of a surface at the sites, as long as the area that each site stands for."""
+    """Return normals (k, l, 3) of a surface at the sites, as long as the area [m^2] that each site stands for."""
     return np.cross(steps_on(points, 0), steps_on(points, 1, closed))
 
 

@@ -51,15 +51,12 @@ class KeepOut:
         self.fields: dict[TriangleMesh, DistanceField] = {}
 
     def __call__(self, link: str, points: Array, normals: Array) -> BoolArray:
-        """Return which points are covered or touched by another link, or hidden by those fixed to their link."""
+        """Return which points (k, 3) are covered or touched by another link, or hidden by those fixed to their link."""
         is_covered: BoolArray = self.coverers(link, points, normals) != ""
         return is_covered
 
     def coverers(self, link: str, points: Array, normals: Array) -> Array:
-        """Return what covers each point: the first link that does, nearest joints first; empty text where none does.
-
-        Parameters and errors are those of a call.
-        """
+        """Return what covers each point: a link, nearest joints first, ``FIXED_PARTS``, or an empty text."""
         if link not in self.robot.links:
             raise UnknownLink(f"{self.robot.file} has no link {show(link)}{did_you_mean(link, self.robot.links)}")
         balls = np.asarray(points, float) + self.radius * np.asarray(normals, float)
@@ -107,7 +104,7 @@ def keep_out(
     normals: Array,
     clearance: float = CLEARANCE,
 ) -> BoolArray:
-    """Return which points of a link are covered or touched by another one, somewhere in the joint ranges.
+    """Return which points (k, 3) of a link are covered or touched by another one, somewhere in the joint ranges.
 
     Other links are those with at most two moving joints between. Joints without limits turn fully; prismatic ones
     without limits stay at zero. Links behind a floating or planar joint do not count. A point is also covered if the

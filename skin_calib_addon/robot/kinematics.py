@@ -12,7 +12,7 @@ from .urdf import ONE_AXIS, Joint, Robot
 
 
 def link_poses(robot: Robot, positions: Mapping[str, float] | None = None) -> dict[str, Array]:
-    """Return the poses of all links in the frame of the root.
+    """Return the poses ``T_root_link`` (4, 4) of all links, by name.
 
     A joint that mimics another follows it. A floating or planar joint stays at zero.
     """
@@ -37,7 +37,7 @@ def link_poses(robot: Robot, positions: Mapping[str, float] | None = None) -> di
 
 
 def joint_pose(joint: Joint, position: float = 0.0) -> Array:
-    """Return the pose of the child of a joint in the frame of its parent."""
+    """Return the pose (4, 4) of the child of a joint in the frame of its parent."""
     pose = np.eye(4)
     pose[:3, :3] = rotations(np.array([joint.angles]))[0]
     pose[:3, 3] = joint.position

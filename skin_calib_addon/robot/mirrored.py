@@ -76,7 +76,7 @@ def find_twins(robot: Robot, meshes: Mapping[str, TriangleMesh]) -> dict[str, Tw
 
 
 def symmetry(positions: Array) -> Array:
-    """Return the reflection about the plane of symmetry of a robot: across an axis of the root frame.
+    """Return the reflection (4, 4) across an axis of the root frame that maps links to links; across y without pairs.
 
     Of the three, through the root or the median of the links, this is the one that takes most links off the plane to
     another link.

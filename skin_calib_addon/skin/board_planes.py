@@ -22,7 +22,7 @@ JOINED_PITCHES = 1.7  # distance of taxels of one board, in distances to the nea
 
 
 def board_planes(positions: Array, boards: IntArray | None = None) -> tuple[IntArray, Array]:
-    """Return the board of each taxel, and the normal of its plane.
+    """Return the board (n,) of each taxel, -1 without one, and the unit normal (n, 3) of its plane, of either sign.
 
     A board is a group that the file states, if its taxels are in a plane. Without such groups, it is a set of adjacent
     taxels in a plane that are on no conic: a flexible sheet has such sets only where it is flat.

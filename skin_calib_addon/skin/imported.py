@@ -180,7 +180,7 @@ def median_pitch(positions: Array, name: str) -> float:
 
 
 def outlines(positions: Array, normals: Array, tangents: Array, pairs: IntArray, max_radius: float) -> Array:
-    """Return the outlines of the cells: the points nearer to a taxel than to any other, in its tangent plane."""
+    """Return the cells, corners (n, s, 3) [m]: the points nearer to a taxel than to any other, in its tangent plane."""
     angles = 2 * np.pi * np.arange(OUTLINE_SIDES) / OUTLINE_SIDES
     rays = np.column_stack((np.cos(angles), np.sin(angles)))
     across = np.cross(normals, tangents)
@@ -215,7 +215,7 @@ def gabriel(positions: Array, normals: Array, pairs: IntArray) -> IntArray:
 
 
 def near_pairs(positions: Array, normals: Array, far: float, name: str) -> IntArray:
-    """Return the pairs of near taxels with an angle below 90 degrees between their normals."""
+    """Return the pairs (m, 2) of near taxels with an angle below 90 degrees between their normals."""
     tree = cKDTree(positions)
     if tree.count_neighbors(tree, far) > MAX_MEAN_NEIGHBOURS * len(positions):
         raise InvalidPlan(

@@ -13,7 +13,7 @@ MAX_CENTRES = 50  # [1] centres that are tried for a ball. Larger: fewer balls, 
 
 
 def discs_over(triangles: Array, max_radius: float) -> list[tuple[Array, float]]:
-    """Return balls around points of faces that contain all of the faces, few and small.
+    """Return few and small balls, centre (3,) and radius [m], around points of faces that contain all of the faces.
 
     The ball that contains the most points that are left is chosen, and becomes as small as they permit.
     """
@@ -36,7 +36,7 @@ def discs_over(triangles: Array, max_radius: float) -> list[tuple[Array, float]]
 
 
 def taxels_over(triangles: Array, taxels: TaxelArray) -> BoolArray:
-    """Return which taxels have a part of their cell over or below faces.
+    """Return which taxels (n,) have a part of their cell over or below faces.
 
     A point of a face is below the cell whose centre is the nearest, if it is not farther than the corners of this cell.
     """

@@ -143,7 +143,7 @@ def _shapes(sizes: Array, square: BoolArray, half: Array) -> Iterator[str]:
 
 
 def triangles(taxels: LinkTaxels, rows: IntArray) -> IntArray:
-    """Return triangles of neighbouring taxels.
+    """Return triangles (m, 3) of neighbouring taxels, positions in ``rows``, counter-clockwise seen from outside.
 
     Neighbours that follow each other around a taxel form one triangle with it if they are neighbours themselves. If
     they are not, but have another common neighbour, the four taxels form two triangles. Taxels without any such

@@ -31,7 +31,7 @@ def numbers(values: Iterable[float] | Array) -> str:
 
 
 def rpy(axes: Array) -> Array:
-    """Return the URDF angles (roll, pitch, yaw about fixed x, y, z axes) of rotations.
+    """Return the URDF angles (n, 3) [rad] of rotations: roll, pitch, yaw about fixed x, y, z axes.
 
     The roll is computed after the yaw is removed. The three angles therefore give the rotation even at a pitch of 90
     degrees, where the yaw is arbitrary.

@@ -35,7 +35,7 @@ def _facets(mesh: TriangleMesh) -> IntArray:
 
 
 def undivided(mesh: TriangleMesh, fixed: BoolArray) -> tuple[IntArray, IntArray]:
-    """Return faces in which divided facets are whole: a triangle is one face, a convex quadrilateral is two.
+    """Return faces (g, 3) in which divided facets are whole, and the one (f,) that contains each face of the mesh.
 
     A quadrilateral without vertices inside stays: the sides of a tube keep its rings. Faces of all other facets stay,
     also where they have vertices on the side of a whole facet.
@@ -77,7 +77,7 @@ def _vertices_of(mesh: TriangleMesh, facet: IntArray, faces: IntArray, chosen: B
 def _halves(
     mesh: TriangleMesh, facet: IntArray, chosen: IntArray, corners: IntArray
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Divide quadrilaterals at the diagonal that fewer of their faces cross, else at the shorter one."""
+    """Divide quadrilaterals at the diagonal that fewer faces cross: corners (q, 4), and the half of each face."""
     inside = np.flatnonzero(np.isin(facet, chosen))
     quad = np.searchsorted(chosen, facet[inside])
     sides, crossed, lengths = [], [], []

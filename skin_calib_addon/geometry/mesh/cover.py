@@ -119,7 +119,7 @@ def kept_side(mesh: TriangleMesh, point: tuple[float, ...], normal: tuple[float,
 
 
 def one_side(mesh: TriangleMesh, point: Array, normal: Array) -> tuple[Array, IntArray, IntArray]:
-    """Return the part of a mesh on the side of a plane to which its normal points; it may be empty."""
+    """Return vertices [m], faces, and their face of the mesh (f,), on the positive side of a plane."""
     heights = _heights(mesh, point, normal)
     kept = heights >= 0
     count = kept[mesh.faces].sum(axis=1)

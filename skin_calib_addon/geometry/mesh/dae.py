@@ -20,7 +20,7 @@ HEADER_BYTES = 65_536  # in which ``<up_axis>`` is found. Larger: slower; smalle
 
 
 def read_dae(path: str | Path) -> tuple[Array, IntArray]:
-    """Read the triangles of a COLLADA file.
+    """Read the triangles of a COLLADA file: vertices (3 f, 3) [m] and faces (f, 3).
 
     As in RViz and Gazebo, the numbers are multiplied by ``<unit meter>``, and ``<up_axis>`` is ignored: the meshes of
     robots are in the frame of their link, whatever it states.

@@ -191,7 +191,7 @@ def _edges(mesh: TriangleMesh) -> tuple[IntArray, IntArray, IntArray, IntArray, 
 
 
 def edges_at(segments: Array, vertices: Array, edges: IntArray) -> BoolArray:
-    """Return which edges have their ends at the ends of a segment, to the bit."""
+    """Return which edges (e, 2) have their ends at the ends of a segment (2, 3), to the bit."""
     points = np.concatenate((np.asarray(segments).reshape(-1, 3), vertices)) + 0.0  # no minus zero
     vertex = np.unique(points, axis=0, return_inverse=True)[1].reshape(-1)
     wanted, given = vertex[: 2 * len(segments)].reshape(-1, 2), vertex[2 * len(segments) :][edges]

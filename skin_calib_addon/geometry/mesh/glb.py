@@ -19,7 +19,7 @@ FAN = 6  # mode of primitives that trimesh leaves out. Format
 
 
 def read_glb(path: str | Path) -> tuple[Array, IntArray]:
-    """Read the triangles of a binary glTF file, with the poses of its nodes.
+    """Read the triangles of a binary glTF file at the poses of its nodes: vertices (v, 3) [m] and faces (f, 3).
 
     The coordinates stay as they are in the file: glTF calls its y axis "up", but the meshes of robots are in the frame
     of their link.

@@ -213,7 +213,7 @@ def weld(vertices: Any, faces: Any) -> TriangleMesh:
 
 
 def at_rims(faces: IntArray, count: int) -> BoolArray:
-    """Return which vertices have an edge of one face only, or edges of differently wound faces."""
+    """Return which vertices (count,) have an edge of one face only, or edges of differently wound faces."""
     ends = np.zeros(count)
     for i in range(3):  # around an inner vertex each neighbour is once before and once after it
         ends += np.bincount(faces[:, i], faces[:, i - 2] - faces[:, i - 1].astype(float), count)
@@ -227,7 +227,7 @@ def joined(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
 
 
 def stacked(parts: Sequence[tuple[Array, IntArray]]) -> tuple[Array, IntArray]:
-    """Return the vertices and faces of several parts as those of one mesh, which is not welded."""
+    """Return the vertices (v, 3) and faces (f, 3) of several parts as those of one mesh, which is not welded."""
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
     faces = [faces + start for (_, faces), start in zip(parts, starts)]
     return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(faces)
@@ -260,7 +260,7 @@ def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
 
 
 def simple_shape(kind: str, size: Sequence[float]) -> tuple[Array, IntArray]:
-    """Return vertices and faces of a box, cylinder, sphere or capsule whose centre is the origin."""
+    """Return vertices [m] and faces of a box, cylinder, sphere or capsule about the origin; cylinders are along z."""
     if kind == "box":
         mesh = trimesh.creation.box(size)
     elif kind == "cylinder":

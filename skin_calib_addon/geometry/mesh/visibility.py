@@ -75,7 +75,7 @@ def visibility(mesh: TriangleMesh) -> Visibility:
 
 
 def are_seen(mesh: TriangleMesh, points: Array, normals: Array) -> BoolArray:
-    """Return which points on or above a mesh can be seen from outside.
+    """Return which points (k, 3) on or above a mesh can be seen from outside.
 
     A point below a face is hidden by it. Move points of a surface that approximates the mesh outward before.
     """
@@ -83,7 +83,7 @@ def are_seen(mesh: TriangleMesh, points: Array, normals: Array) -> BoolArray:
 
 
 def openness_at(mesh: TriangleMesh, points: Array, normals: Array) -> Array:
-    """Return how open the space above points on or above a mesh is; 0 is hidden, 1 is free."""
+    """Return how open the space above points (k, 3) on or above a mesh is, (k,): 0 is hidden, 1 is free."""
     return depth_buffers(mesh).openness(np.asarray(points, float), np.asarray(normals, float))[0]
 
 
@@ -183,7 +183,7 @@ def point_distance(mesh: TriangleMesh) -> float:
 
 
 def sample_faces(mesh: TriangleMesh, distance: float) -> tuple[Array, IntArray, Array]:
-    """Return points spread over the faces, at least one on each.
+    """Return points (k, 3) spread over the faces, at least one on each, their face, and the area [m^2] of each.
 
     Along its longest side a face has columns of equal width; each column has points at equal distances. So narrow faces
     have points up to their tips.

@@ -142,7 +142,7 @@ class TensorBasis:
         return np.concatenate((net, net[:, : self.v.repeats]), axis=1)
 
     def at(self, sites: Array) -> tuple[IntArray, Array]:
-        """Return the basis functions that are not zero somewhere, and their derivatives by row and by column."""
+        """Return the control points (k, c) with an influence at sites (k, 2), and values and derivatives (3, k, c)."""
         first, parts = [], []
         for axis, (direction, degree) in enumerate(((self.u, self.degree_u), (self.v, self.degree_v))):
             count, spans = len(direction.values), self.spans_by_axis[axis]
@@ -217,7 +217,7 @@ class TensorBasis:
         return U.T @ gram_u @ offsets @ (gram_v @ V), bend
 
     def leverages(self, stiffness: float) -> tuple[Array, Array, Array]:
-        """Return the variance of the surface at the sites for samples with independent noise of variance one."""
+        """Return the variances (k, l) of height, step along u, step along v, for samples with noise of variance one."""
         U, V, bend = self._modes
         P, Q = self.N @ U, self.B @ V
         step_v = (np.roll(Q, -1, axis=0) - np.roll(Q, 1, axis=0)) / 2 if self.is_closed else np.gradient(Q, axis=0)
@@ -273,7 +273,7 @@ def pseudo_inverse(matrix: Array) -> Array:
 
 @lru_cache(maxsize=256)
 def bending_matrix(count: int, closed: bool) -> Array:
-    """Return the matrix of the sum of squared second differences of some values."""
+    """Return the matrix (count, count) of the sum of squared second differences of some values."""
     bend: Array = np.eye(count)
     bend -= 2 * np.roll(np.eye(count), 1, axis=1)
     bend += np.roll(np.eye(count), 2, axis=1)

@@ -14,7 +14,7 @@ MAX_FOLD_FRACTION = 0.05
 
 
 def curves(ends: Array, row: IntArray | int = 0) -> IntArray:
-    """Return the number of the curve of each segment; ends in one row that are equal to the bit are connected."""
+    """Return the curve (s,) of each segment; ends (s, 2, 2) in one row that are equal to the bit are connected."""
     x, y = ends.reshape(-1, 2).T
     rows = np.repeat(np.broadcast_to(row, len(ends)), 2)
     order = np.lexsort((y, x, rows))

@@ -30,7 +30,7 @@ class TubeFrame:
         return np.cos(angles)[:, None] * self.e1 + np.sin(angles)[:, None] * self.e2
 
     def fan(self, stations: Array, angles: Array) -> Array:
-        """Return unit directions away from the axis at every station."""
+        """Return unit directions (k, l, 3) away from the axis at k stations and l angles."""
         return np.broadcast_to(self.rays(angles), (len(stations), len(angles), 3))
 
     def across(self, vectors: Array) -> Array:
@@ -60,7 +60,7 @@ def link_side(direction: Array) -> float:
 
 
 def link_direction(direction: Array) -> Array:
-    r"""Return a direction across a line that the link frame alone defines.
+    r"""Return a unit vector (3,) across a line that the link frame alone defines.
 
     It is the projection of :math:`\mathbf{x} + d_x^2\, \mathbf{y}` with the axes :math:`\mathbf{x}` and
     :math:`\mathbf{y}` of the link frame and the unit direction :math:`\mathbf{d}`: the x axis for lines along y and z,

@@ -141,7 +141,7 @@ class RayCaster:
         return x[..., None] * self.across + below * self.direction, self.direction
 
     def cast(self, origins: Array, directions: Array) -> tuple[Array, IntArray]:
-        """Return the distance along each ray to the outer curve of its row."""
+        """Return the distance (rows, l) [m] along rays to the outer curve of their row, or NaN, and the segment."""
         distance = np.full(origins.shape[:2], np.nan)
         hit = np.zeros(origins.shape[:2], np.int64)
         if len(self.ends) == 0:
@@ -259,7 +259,7 @@ def diamond_angle(vectors: Array) -> Array:
 
 
 def crossing(start_x: Array, start_y: Array, step_x: Array, step_y: Array, x: Array, y: Array) -> Array:
-    r"""Return the distance along rays to segments; NaN where they do not intersect.
+    r"""Return the distance [m] along rays to segments; NaN where they do not intersect.
 
     A ray of direction :math:`\mathbf{d}` hits the segment from :math:`\mathbf{a}` to :math:`\mathbf{a} + \mathbf{s}`,
     both relative to the origin of the ray, at
@@ -279,7 +279,7 @@ def crossing(start_x: Array, start_y: Array, step_x: Array, step_y: Array, x: Ar
 
 
 def outermost(ends: Array, origins: Array, directions: Array) -> tuple[Array, IntArray]:
-    """Return the distance to the furthest intersection of each ray with any of the segments, and this segment."""
+    """Return the distance (l,) [m] to the furthest segment (s, 2, 2) on each ray, NaN without one, and this segment."""
     if len(ends) == 0:
         return np.full(len(origins), np.nan), np.zeros(len(origins), np.int64)
     offset, step = np.moveaxis(ends[:, 0] - origins[:, None], -1, 0), (ends[:, 1] - ends[:, 0]).T

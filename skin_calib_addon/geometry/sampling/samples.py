@@ -180,14 +180,14 @@ class SampleRows:
 
 
 def cast_rays(mesh: TriangleMesh, planes: Planes, origins: Array, directions: Array) -> Array:
-    """Return the distance along rays in some planes to the mesh."""
+    """Return the distance (k, l) [m] along rays in k planes to the mesh; NaN where a ray hits nothing."""
     concurrent = bool((origins == planes.points[:, None]).all())
     rows = SampleRows.cut(mesh, planes, origins, directions[:, 0], concurrent, None if concurrent else directions[0, 0])
     return rows.cast(directions).residuals + 1
 
 
 def framed_sections(mesh: TriangleMesh, planes: Planes, axes: Array) -> tuple[Sections, Array]:
-    """Cut a mesh, and return the sections with their ends in the frames of their rows."""
+    """Cut a mesh, and return the sections with their ends (s, 2, 2) [m] in the frames of their rows."""
     flat_vertices = np.stack([coordinates(mesh, axis) for axis in axes[0]]).T if len(axes) == 1 else None
     sections = cut_sections(mesh, planes, flat_vertices)
     return sections, flat_ends(sections, planes, axes)
@@ -220,20 +220,20 @@ def _known_sections(mesh: TriangleMesh) -> dict[tuple[bool, bytes], tuple[IntArr
 
 
 def flat_ends(sections: Sections, planes: Planes, axes: Array) -> Array:
-    """Return the ends of segments in the frames of their rows."""
+    """Return the ends (s, 2, 2) [m] of segments in the frames of their rows."""
     if len(axes) == 1:
         return sections.ends - (planes.points @ axes[0].T)[sections.plane, None]
     return across(sections.ends - planes.points[sections.plane, None], axes[sections.plane])
 
 
 def frames_of(normals: Array, first: Array) -> Array:
-    """Return two unit vectors perpendicular to each normal."""
+    """Return two unit vectors (k, 2, 3) perpendicular to each normal (k, 3)."""
     firsts = unit(first - (first * normals).sum(axis=1, keepdims=True) * normals)
     return np.stack((firsts, np.cross(normals, firsts)), axis=1)
 
 
 def across(vectors: Array, axes: Array) -> Array:
-    """Return the components of vectors along the axes of their rows."""
+    """Return the components (k, l, 2) of vectors (k, l, 3) along the axes of their rows."""
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     e = axes[:, None]
     return np.moveaxis(np.stack([x * e[..., i, 0] + y * e[..., i, 1] + z * e[..., i, 2] for i in (0, 1)]), 0, -1)

@@ -245,7 +245,7 @@ def _near(mesh: TriangleMesh | _Part, is_higher: BoolArray, on_plane: BoolArray)
 def _rims_of_ranks(
     mesh: TriangleMesh | _Part, level: Array, rank: IntArray, on_plane: BoolArray
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the rims in parallel planes: index of the level, face, and the corners on the plane as in ``TIP``."""
+    """Return the rims (r,) in parallel planes: index of the level, face, and the corners on the plane as in ``TIP``."""
     are_on = [on_plane[corner] for corner in mesh.corners]
     near = np.flatnonzero((are_on[0] & are_on[1]) | (are_on[1] & are_on[2]) | (are_on[2] & are_on[0]))
     a, b, c = (
@@ -267,7 +267,7 @@ def _rims_of_ranks(
 def _are_rims(
     mesh: TriangleMesh | _Part, plane: IntArray, face: IntArray, on: IntArray, is_above: BoolArray
 ) -> BoolArray:
-    """Return which edges in a plane are rims: the first face below each edge without a face above it."""
+    """Return which edges (k,) in a plane are rims: the first face below each edge without a face above it."""
     corners = mesh.faces[face]
     edge = np.sort(
         np.stack((corners[np.arange(len(face)), START[on]], corners[np.arange(len(face)), STOP[on]])), axis=0

@@ -15,12 +15,12 @@ MIN_SITES = {False: 20, True: 60}
 
 
 def clamped_knots(n: int, degree: int) -> Array:
-    """Return uniform knots on [0, 1], repeated at the ends, so that the spline ends at its end control points."""
+    """Return uniform knots (n + degree + 1,) on [0, 1], repeated at the ends: the spline ends at its control points."""
     return np.concatenate((np.zeros(degree), np.linspace(0.0, 1.0, n - degree + 1), np.ones(degree)))
 
 
 def periodic_knots(n: int, degree: int) -> Array:
-    """Return uniform knots of a closed spline with ``n`` different control points, one period on [0, 1]."""
+    """Return the knots (n + 2 degree + 1,) of a closed spline with ``n`` control points, one period on [0, 1]."""
     return np.arange(-degree, n + degree + 1) / n
 
 
@@ -104,7 +104,7 @@ def basis_functions(u: Array, knots: Array, degree: int) -> Array:
 
 
 def basis_derivatives(u: Array, knots: Array, degree: int) -> tuple[Array, Array]:
-    """Evaluate every B-spline basis function and its first derivative at each parameter."""
+    """Evaluate every B-spline basis function (m, n) and its first derivative at parameters (m,)."""
     first, values = local_basis(u, knots, degree, 1)
     dense = np.zeros((2, len(u), len(knots) - degree - 1))
     np.put_along_axis(dense, (first[:, None] + np.arange(degree + 1))[None], values, axis=2)

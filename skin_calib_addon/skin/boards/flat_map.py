@@ -68,7 +68,7 @@ class FlatMap:
         return uv, np.linalg.norm(flat - self(uv), axis=1)
 
     def directions(self, uv: Array, angle: float) -> Array:
-        """Return tangents of the surface."""
+        """Return unit tangents (k, 3) of the surface at parameters (k, 2), along a direction of the flat map."""
         steps = _solved(self.slopes(uv), np.array((np.cos(angle), np.sin(angle))))
         r = self.surface.derivatives(uv)
         return unit(steps[:, :1] * r[1, 0] + steps[:, 1:] * r[0, 1])

@@ -73,7 +73,7 @@ class Ground:
         return free
 
     def is_over_mesh(self, points: Array, normals: Array) -> BoolArray:
-        """Return which points are above or below the mesh, and not beyond its edges."""
+        """Return which points (k, 3) [m] are above or below the mesh, and not beyond its edges."""
         over = np.ones(len(points), bool)
         if self._distance is None:
             return over

@@ -89,7 +89,7 @@ class Search:
         return np.array((min(around, length), along))
 
     def centres(self, poses: Poses, cells: IntArray) -> Array:
-        """Return the centres of cells at poses."""
+        """Return the centres (k, n, 2) [m] of n cells at k poses."""
         centres = self.lattice.centres(cells) @ axes_at(poses.angles)
         ahead = np.eye(2) if self.period is None else unit(self.period)[None]
         centres = centres + (poses.stretches[:, None, None] - 1) * (centres @ ahead.T @ ahead)

@@ -98,7 +98,7 @@ def rigid_loads(net: Net, x_axis: Array, y_axis: Array) -> Array:
 
 
 def flat_axes(surface: BSplineSurface, net: Net, uv: Array) -> tuple[Array, Array]:
-    """Return the directions of the flat axes at each node: the mean over the pairs of the node."""
+    """Return the flat axes x and y as unit tangents (n, 3) at each node: the mean over the pairs of the node."""
     r = surface.derivatives(uv)
     points, normals = r[0, 0], unit(cross(r[1, 0], r[0, 1]))
     chords = points[net.pairs[:, 1]] - points[net.pairs[:, 0]]

@@ -17,7 +17,7 @@ MAX_SUBSTEP_TURN = 0.6
 
 
 def unroll(surface: BSplineSurface, flat: Array, uv: Array, along: Array, step: float) -> Array:
-    """Place flat points on a surface along geodesics.
+    """Place flat points (n, 2) [m] along geodesics: parameters (n, 2), continuous over a seam.
 
     One geodesic starts at ``uv`` along the x axis. Others leave it at right angles. On a developable surface the result
     is isometric. On other surfaces it is a first guess.
@@ -49,7 +49,7 @@ def _trace_both(
 
 
 def trace(surface: BSplineSurface, uv: Array, tangents: Array, step: Array | float, count: int) -> tuple[Array, Array]:
-    """Trace geodesics by ``count`` steps from each start."""
+    """Trace geodesics from k starts: parameters (count + 1, k, 2), continuous over a seam, and unit tangents."""
     path, headings = [uv], [tangents]
     steps = np.broadcast_to(step, (len(uv), 1))
     r = surface.derivatives(uv, order=2)

@@ -57,7 +57,7 @@ class LandmarkTargets:
         return cls(layer, flat, uv, np.array(lattice.pitch[::-1]))
 
     def heading(self, along: Array, step: float) -> Array:
-        """Rotate the tangent ``along`` at the first landmark until the other cells are nearest to their landmarks."""
+        """Rotate the tangent ``along`` (3,) at the first landmark until the others are nearest to their landmarks."""
         start, aims = self.uv[0], self.layer.points(self.uv[1:])
         normal = self.layer.normals(start[None])[0]
 
@@ -99,7 +99,7 @@ class LandmarkTargets:
 
 
 def located(surface: BSplineSurface, points: Array, names: Sequence[str]) -> Array:
-    """Return the parameters of the surface points nearest to points of an author."""
+    """Return the parameters (k, 2) of the surface points nearest to points (k, 3) [m] of an author."""
     uv, distance = footpoints(surface, points)
     far = np.flatnonzero(distance > MAX_POINT_DISTANCE)
     if len(far):

@@ -118,6 +118,6 @@ def preview_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0) -> Ta
 
 
 def fan_areas(centres: Array, corners: Array) -> Array:
-    """Return the area of each cell as the sum of the triangles from its centre to its sides."""
+    """Return the area (n,) [m^2] of each cell as the sum of the triangles from its centre to its sides."""
     arms = corners - centres[:, None]
     return np.linalg.norm(np.cross(arms, np.roll(arms, -1, axis=1)), axis=2).sum(axis=1) / 2

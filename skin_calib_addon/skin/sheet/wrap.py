@@ -227,7 +227,7 @@ def root_of(surface: BSplineSurface, origin: ArrayLike | None, name: str = "The 
 
 
 def root_near(surface: BSplineSurface, origin: ArrayLike | None, near: WrappedSheet) -> Array | None:
-    """Return the same parameters, found by a descent from those of a sheet on a similar surface."""
+    """Return the same (2,), by a descent from a sheet on a similar surface; None where it ends away from the point."""
     point = surface.centre if origin is None else np.asarray(origin, float)
     if point is None:
         return None
