@@ -6,12 +6,12 @@ PYTHON ?= $(shell for p in python3.13 python3.11 python3; do \
 VENV ?= .venv
 BIN = $(VENV)/bin
 READY = $(VENV)/ready
-# The experiments of "make control", in examples/control/. A first look: make control OPTIONS="--seeds 1"
+# The experiments of "make control", in control/examples/. A first look: make control OPTIONS="--seeds 1"
 CONTROL = landing impacts g1_landing balance g1 faults rates rates_others wrenches footholds replanning beam as_written planar_arm arm g1_arm
 # One process for each processor, or PYTEST_XDIST_AUTO_NUM_WORKERS of them, each with one thread for linear algebra.
 PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist worksteal
 
-.PHONY: demo test check check-second docs format bench control wheel extension samples clean
+.PHONY: demo test check check-second docs format bench control control-test wheel extension samples clean
 
 demo: $(READY)  ## the main job on the sample: a calibration, a picture, a summary in out/
 	$(BIN)/python examples/demo.py
@@ -19,7 +19,7 @@ demo: $(READY)  ## the main job on the sample: a calibration, a picture, a summa
 test: $(READY)  ## the quick tests: they cover every module
 	$(PYTEST) -m "not slow and not window"
 
-check: $(READY) $(VENV)/control-ready docs  ## lint, types, words, the extension, the documentation, all tests, those in a Blender window too
+check: $(READY) docs  ## lint, types, words, the extension, the documentation, all tests, those in a Blender window too
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -44,7 +44,10 @@ bench: $(VENV)/bench-ready  ## compare with the paper's method and with peers: t
 	$(BIN)/python benchmarks/run.py
 
 control: $(VENV)/control-ready  ## walk, land and balance with the skin in simulation: numbers, figures, animations
-	set -e; for name in $(CONTROL); do $(BIN)/python examples/control/$$name.py $(OPTIONS); done
+	set -e; for name in $(CONTROL); do $(BIN)/python control/examples/$$name.py $(OPTIONS); done
+
+control-test: $(VENV)/control-ready  ## all tests of control/
+	$(PYTEST) --hypothesis-profile=full control/tests
 
 wheel: $(READY)  ## the Python package in dist/; without what an earlier build left
 	rm -rf build
@@ -70,8 +73,8 @@ $(VENV)/docs-ready: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
 	touch $@
 
-$(VENV)/control-ready: $(READY)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[control]'
+$(VENV)/control-ready: $(READY) control/pyproject.toml
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e . -e 'control[experiments]'
 	touch $@
 
 clean:

@@ -15,9 +15,9 @@ from ..common.errors import CalibrationFormatError
 from ..common.strict_json import size_of
 from ..common.tables import TableError, read_rows
 from ..common.text import NumberError, read_text, real
-from ..runtime.balance.polygon import Polygon
 from ..runtime.footprint import SupportingPolygon
 from ..runtime.frame import Frame
+from ..runtime.polygon import Polygon
 
 # Limit of the numbers of an array of a recording or a replay: half a gigabyte. It protects the memory, because an NPZ
 # file can be a thousand times smaller than its arrays. Larger: accepts longer recordings.

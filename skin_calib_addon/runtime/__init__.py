@@ -1,13 +1,15 @@
 """Turn readings into contacts, wrench, CoP, ZMP and supporting polygons in a controller. Needs NumPy only."""
 
-from .balance.polygon import Polygon, convex_hull
 from .batch import Batch
 from .body import Body, BodyFrame
 from .contacts import Contact, Message
 from .footprint import SupportingPolygon
 from .frame import Frame, zero_moment_point
+from .geometry import GroundGeometry, SkinGeometry
 from .modalities import ModalityValues
+from .moved import forward
 from .plane import Plane
+from .polygon import Polygon, convex_hull
 from .skin import Skin, load
 
 __all__ = [
@@ -16,13 +18,17 @@ __all__ = [
     "BodyFrame",
     "Contact",
     "Frame",
+    "GroundGeometry",
     "Message",
     "ModalityValues",
     "Plane",
     "Polygon",
     "Skin",
+    "SkinGeometry",
     "SupportingPolygon",
     "convex_hull",
     "load",
     "zero_moment_point",
 ]
+
+forward()

@@ -11,10 +11,10 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray, lock, locked
 from ..common.errors import UnknownLink
-from .balance.polygon import EMPTY_POLYGON, Polygon, convex_hull
 from .footprint import NO_POLYGON, SupportingPolygon
 from .frame import MIN_LOAD, Frame, zero_moment_point
 from .plane import Plane
+from .polygon import EMPTY_POLYGON, Polygon, convex_hull
 from .poses import checked_pose
 from .skin import Skin
 from .wrench import carried

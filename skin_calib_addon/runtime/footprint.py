@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 
 from ..common.arrays import BoolArray, IntArray, lock
-from .balance.polygon import EMPTY_POLYGON, Polygon
 from .components import components
 from .geometry import GroundGeometry, SkinGeometry
+from .polygon import EMPTY_POLYGON, Polygon
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray, lock, locked
-from .balance.hull import HullTable
-from .balance.polygon import EMPTY_POLYGON, PolygonTable, convex_hull
+from .hull import HullTable
 from .plane import MIN_DOWNWARD, Plane
+from .polygon import EMPTY_POLYGON, PolygonTable, convex_hull
 
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration
@@ -26,7 +26,19 @@ MIN_CELL_SPREAD = 1e-3
 
 
 class SkinGeometry:
-    """Taxels of all patches of one link; row i of every array is the same taxel. Link frame and SI units."""
+    """Taxels of all patches of one link; row i of every array is the same taxel. Link frame and SI units.
+
+    Attributes
+    ----------
+    positions, normals : array, shape (n, 3)
+        Of the taxels [m]; unit, out of the robot.
+    areas : array, shape (n,)
+        Of the cells [m^2].
+    corners : array, shape (n, k, 3)
+        Of the cells [m]; a cell with fewer corners repeats its last one.
+    wrenches : array, shape (n, 6)
+        Of a force of 1 N against the normal of each taxel, about the origin of the link [N, N m].
+    """
 
     def __init__(self, calibration: "LinkCalibration"):
         taxels = [patch.taxels for patch in calibration.patches]
@@ -54,7 +66,15 @@ class SkinGeometry:
         self.scratch = np.full(len(self.ids) + 1, -1)
 
     def mean_around(self, values: Array, rows: IntArray) -> Array:
-        """Return the mean (k,) of the values of the neighbours of some taxels; 0 without neighbours."""
+        """Return the mean (k,) of the values of the neighbours of some taxels; 0 without neighbours.
+
+        Parameters
+        ----------
+        values : array, shape (n,)
+            One for each taxel.
+        rows : array of int, shape (k,)
+            Of the taxels.
+        """
         padded = np.zeros(len(values) + 1)
         padded[:-1] = values
         return np.add.reduce(padded[self.neighbours.take(rows, axis=1)], axis=0) / self.neighbour_counts.take(rows)
@@ -106,7 +126,19 @@ def wrench_rank(wrenches: Array) -> int:
 
 
 class GroundGeometry:
-    """The taxels that can stand on the ground, in the coordinates of the ground."""
+    """The taxels that can stand on the ground, in the coordinates of the ground.
+
+    Attributes
+    ----------
+    plane : Plane
+        The ground, in the frame of the link.
+    can_stand : array of bool, shape (n,)
+        Whether a taxel looks down.
+    centres : array, shape (n, 2)
+        Of the cells [m].
+    corners : array, shape (n, k, 2)
+        Of the cells [m].
+    """
 
     def __init__(self, skin: SkinGeometry, plane: Plane):
         self.plane = plane

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, IntArray, lock, unmasked
+from ..common.arrays import Array, BoolArray, IntArray, lock
 from ..common.errors import InvalidReading
 from .readings import taxel_readings
 
@@ -131,19 +131,3 @@ def without_force(modalities: Any) -> Mapping[Any, Any]:
         must = "modalities must be a mapping of the other readings, because the forces are events"
         raise InvalidReading(f"{must}; this is {what}", flag="wrong_type")
     return modalities
-
-
-def values_in(given: Any, count: int, *units: str) -> Array:
-    """Return the numbers of an array, or of a modality; NaN where they are unknown."""
-    if isinstance(given, ModalityValues) and given.unit not in units:
-        raise ValueError(f"this needs a modality in {' or '.join(units)}, not in {given.unit}")
-    values = given.values if isinstance(given, ModalityValues) else unmasked(given)
-    if values.shape[-1:] != (count,):
-        raise ValueError(f"values of shape {values.shape} are not one for each of {count} taxels")
-    return values
-
-
-def distances_in(given: Any, count: int) -> Array:
-    """Return distances [m]; infinity where a modality is at the far end of its response: nothing is in range."""
-    distances = values_in(given, count, "m")
-    return np.where(distances >= given.largest, np.inf, distances) if isinstance(given, ModalityValues) else distances

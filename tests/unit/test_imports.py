@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -42,7 +43,6 @@ MAY_IMPORT = {
 ORDER = {
     "geometry": ("mesh", "surface", "sampling", "grid", "fit"),
     "skin": ("sheet", "boards"),
-    "runtime": ("balance",),
     "blender": ("scene", "overlay", "live", "inspection", "handles", "properties"),
 }
 LIBRARIES = {
@@ -55,6 +55,12 @@ LIBRARIES = {
     "pictures": {"numpy", "matplotlib"},
     "blender": {"numpy", *BLENDER},
 }  # the others need NumPy alone
+
+# The package of control: of ours it imports the runtime's names in ``__all__``, and the modules of this page.
+CONTROL = "control/skin_control"
+PAGE_OF_MODULES = Path("docs/reference/python/runtime_modules.md")
+# Its experiments also calibrate their robots, and write models of them.
+FOR_EXPERIMENTS = {f"{OURS}.{m}" for m in ("calibration", "calibration.exchange.mjcf", "pipeline", "plan", "cli")}
 
 
 @dataclass(frozen=True)
@@ -214,6 +220,32 @@ def eager_offenders(root):
                 yield f"{path.relative_to(root)}:{node.lineno}"
 
 
+def control_offenders(root):
+    """Imports of control that are not public, and libraries that its package does without."""
+    page, runtime = root / PAGE_OF_MODULES, root / OURS / "runtime" / "__init__.py"
+    public = (
+        re.findall(rf"^::: ({OURS}\.runtime\.\w+)$", page.read_text("utf-8"), re.MULTILINE) if page.exists() else []
+    )
+    public += [f"{OURS}.runtime.{n.value}" for n in nodes_of(runtime.read_text("utf-8")) if isinstance(n, ast.Constant)]
+    for path in sorted([*(root / CONTROL).rglob("*.py"), *(root / "control" / "examples").rglob("*.py")]):
+        is_package = path.is_relative_to(root / CONTROL)
+        for node in nodes_of(path.read_text("utf-8")):
+            if isinstance(node, ast.Import):
+                found = [(alias.name, alias.name) for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                found = [(node.module, f"{node.module}.{alias.name}") for alias in node.names]
+            else:
+                continue
+            for module, name in found:
+                top = module.split(".")[0]
+                if top == OURS:
+                    allowed = module in public or name in public or not is_package and module in FOR_EXPERIMENTS
+                else:
+                    allowed = not is_package or top == "numpy" or top in sys.stdlib_module_names
+                if not allowed:
+                    yield f"{path.relative_to(root).as_posix()}:{node.lineno} imports {name}"
+
+
 RULES = [
     blender_offenders,
     absolute_offenders,
@@ -222,6 +254,7 @@ RULES = [
     circles,
     library_offenders,
     eager_offenders,
+    control_offenders,
 ]
 
 
@@ -277,6 +310,14 @@ OFFENCES = [
     ("../operators/fit.py", "from ..panels import skin", {layer_offenders}),
     ("../operators/fit.py", "from ..skin_calib_addon.blender import scene\nfrom . import exchange\nimport bpy", set()),
     ("../panels/skin.py", "from skin_calib_addon.plan import Plan", {absolute_offenders}),
+    ("../control/skin_control/cone.py", "from skin_calib_addon.runtime import Polygon", set()),
+    ("../control/skin_control/cone.py", "from skin_calib_addon.runtime.wrench import about\nimport numpy", set()),
+    ("../control/skin_control/cone.py", "from skin_calib_addon.runtime import plane", {control_offenders}),
+    ("../control/skin_control/cone.py", "from skin_calib_addon.common.arrays import unit", {control_offenders}),
+    ("../control/skin_control/cone.py", "def f():\n    import scipy", {control_offenders}),
+    ("../control/examples/biped.py", "import mujoco\nfrom skin_calib_addon.pipeline import calibrate", set()),
+    ("../control/examples/biped.py", "from skin_calib_addon.runtime.plane import cross", {control_offenders}),
+    ("pipeline/calibrate.py", "import skin_control", {library_offenders}),
 ]
 
 
@@ -284,6 +325,7 @@ PLACES = ("geometry/mesh/cover", "geometry/sampling/rays", "geometry/fit/auto", 
 PLACES += ("skin/boards/fill", "calibration/file", "calibration/model", "plan/plan", "pipeline/calibrate", "cli")
 PLACES += ("common/arrays", "common/surface_errors", "pictures/touches", "runtime/skin", "blender/scene/plans")
 PLACES += ("__init__", "../__init__", "../operators/fit", "../operators/exchange", "../panels/skin")
+PLACES += ("../control/skin_control/cone", "../control/examples/biped")
 
 
 @pytest.mark.parametrize(("path", "code", "broken"), OFFENCES)
@@ -293,6 +335,9 @@ def test_each_rule_fires(tmp_path, path, code, broken):
         file = tmp_path / OURS / f"{place}.py"
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("")
+    (tmp_path / OURS / "runtime" / "__init__.py").write_text('__all__ = ["Polygon"]')
+    (tmp_path / PAGE_OF_MODULES).parent.mkdir(parents=True)
+    (tmp_path / PAGE_OF_MODULES).write_text("::: skin_calib_addon.runtime.wrench\n")
     (tmp_path / OURS / path).write_text(code)
     found = {rule: list(rule(tmp_path)) for rule in RULES}
     assert {rule for rule, offenders in found.items() if offenders} == broken

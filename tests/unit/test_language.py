@@ -15,6 +15,7 @@ FOLDERS = (
     "panels",
     "tests",
     "benchmarks",
+    "control",
     "examples",
     "sample_scenes",
     "scripts",

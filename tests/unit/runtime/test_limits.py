@@ -15,7 +15,6 @@ from skin_calib_addon.runtime.byte_order import ByteOrder
 from skin_calib_addon.runtime.clock import Clock
 from skin_calib_addon.runtime.plane import ground_of
 from skin_calib_addon.runtime.poses import checked_pose
-from skin_calib_addon.runtime.wrench import pressure_driven
 from tests.samples import plane, small_calibration
 from tests.soles import skin_of, sole_patch
 
@@ -156,12 +155,6 @@ def test_drift_of_two_limits_is_reported_after_four_blocks():
         if "drift" in skin.update(counts, period * k).flags:
             break
     assert period * k == pytest.approx(4 * 0.2, abs=0.05)
-
-
-def test_pressure_driven_wrench_counts_an_area_of_25_square_millimetres():
-    """Smaller contacts count as this."""
-    wrench = np.array((0, 0, 1.0, 0, 0, 0))
-    assert pressure_driven(wrench, 1e-6, 1e-3)[2] == pytest.approx(1e-3 / 25e-6)
 
 
 @pytest.mark.parametrize("degrees, stands", [(55.0, True), (65.0, False), (80.0, False)])

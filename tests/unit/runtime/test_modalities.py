@@ -1,4 +1,4 @@
-"""Further modalities at run time: readings by name in, values in SI units and virtual wrenches out."""
+"""Further modalities at run time: readings by name in, values in SI units out."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from skin_calib_addon.calibration import Modality, Response, ResponseTable, load_calibration, save_calibration
 from skin_calib_addon.common.errors import InvalidReading
-from skin_calib_addon.runtime import Body, Skin, load, proximity, wrench
+from skin_calib_addon.runtime import Body, Skin, load
 from tests.samples import plane, small_calibration
 from tests.soles import skin_of, sole_patch
 
@@ -158,22 +158,6 @@ def test_no_mapping_raises_an_error(readings):
         assert_array_equal(np.isnan(value.values), ~value.known)
 
 
-def test_proximity_wrench_takes_the_modality():
-    """It equals the sum over the taxels, from raw readings on; far and unknown taxels do not push."""
-    skin = sole()
-    raw = np.random.default_rng(1).integers(0, 4000, N).astype(float)
-    raw[:4] = 0, np.nan, np.inf, -np.inf
-    near = skin.update({"force": FORCE, "proximity": raw}, 0.0).modalities["proximity"]
-    expected = np.zeros(6)
-    for r, p, n, area in zip(raw, skin.positions, skin.normals, skin.areas):
-        if np.isnan(r) or r <= 0:  # at the far end of the table: nothing in range
-            continue
-        distance = np.interp(r, NEAR.readings, NEAR.forces)
-        push = -500.0 * area * max(0.25 - distance, 0.0) * n
-        expected += np.concatenate((push, np.cross(p, push)))
-    assert_allclose(wrench.proximity_wrench(skin.geometry, near, 0.25, 500.0), expected, rtol=1e-12, atol=1e-15)
-
-
 def test_events_take_modalities_too():
     """The frame is that of `update` with the complete readings; wrong ones have the same effect."""
     full, events = sole(), sole()
@@ -192,41 +176,6 @@ def test_events_take_modalities_too():
         frame = events.update_events([3], [1.0], 0.2, others)
         assert problem in frame.problem and frame.flags == {"wrong_type"} and frame.touched is None
     same(full.update(now, 0.3), events.update_events([], [], 0.3))
-
-
-def test_nothing_in_range_gives_no_virtual_wrench():
-    """All sensors at their far end: no push, even if the range of the springs is longer than that of the sensors."""
-    near = sole().update({"force": FORCE, "proximity": np.zeros(N)}, 0.0).modalities["proximity"]
-    skin = sole()
-    assert_array_equal(wrench.proximity_wrench(skin.geometry, near, 1.0, 500.0), np.zeros(6))
-    assert proximity.preemptive_polygon(skin.ground, near, 1.0).kind == "empty"
-
-
-def test_other_functions_take_modalities_too():
-    """Polygon before landing and temperature wrench equal those of plain arrays."""
-    skin, raw = sole(), np.linspace(100.0, 3900.0, N)
-    frame = skin.update({"force": FORCE, "proximity": raw, "temperature": [1800, 2400]}, 0.0)
-    near, warm = frame.modalities["proximity"], frame.modalities["temperature"]
-    plain = np.interp(raw, NEAR.readings, NEAR.forces)
-    one, other = (proximity.preemptive_polygon(skin.ground, d, 0.02) for d in (near, plain))
-    assert_array_equal(one.corners, other.corners)
-    hot = np.zeros(6)
-    for i, celsius in ((2, 50.0), (5, 80.0)):
-        push = -3.0 * skin.areas[i] * (celsius - 45.0) * skin.normals[i]
-        hot += np.concatenate((push, np.cross(skin.positions[i], push)))
-    assert_allclose(wrench.temperature_wrench(skin.geometry, warm, 45.0, 3.0), hot, rtol=1e-12)
-
-
-def test_modality_in_another_unit_is_refused():
-    """A temperature is no distance: an error of the program, named before it moves a robot."""
-    skin = sole()
-    frame = skin.update({"force": FORCE, "temperature": [1, 2]}, 0.0)
-    with pytest.raises(ValueError, match="needs a modality in m, not in degC"):
-        wrench.proximity_wrench(skin.geometry, frame.modalities["temperature"], 0.1, 1.0)
-    with pytest.raises(ValueError, match="needs a modality in m, not in degC"):
-        proximity.preemptive_polygon(skin.ground, frame.modalities["temperature"], 0.1)
-    with pytest.raises(ValueError, match="needs a modality in K or degC, not in m"):
-        wrench.temperature_wrench(skin.geometry, frame.modalities["proximity"], 0.1, 1.0)
 
 
 def test_arrays_of_a_modality_are_read_only():
@@ -289,10 +238,9 @@ def test_body_passes_mappings_on():
 
 
 def test_file_gives_the_runtime_its_modalities(tmp_path):
-    """From the file to the virtual wrench."""
+    """From the file to distances."""
     save_calibration(calibration(), tmp_path / "c.json")
     skin = load(tmp_path / "c.json", switch_on=0.2)
     assert load_calibration(tmp_path / "c.json").modalities == MODALITIES
     frame = skin.update({"force": 0 * FORCE, "proximity": np.full(N, 4000)}, 0.0)
-    pushed = wrench.proximity_wrench(skin.geometry, frame.modalities["proximity"], 0.02, 1e5)
-    assert_allclose(pushed[2], 1e5 * skin.areas.sum() * 0.02, rtol=1e-12)
+    assert_array_equal(frame.modalities["proximity"].values, np.zeros(N))

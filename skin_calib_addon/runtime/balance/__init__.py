@@ -1,1 +1,0 @@
-"""Compute supporting polygons, wrench cones, footholds and walking references."""

@@ -1,0 +1,161 @@
+"""Convex hulls on an integer grid: all comparisons are of integers, without a tolerance."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from skin_calib_addon.runtime.hull import HullTable, grid_step
+from skin_calib_addon.runtime.polygon import PolygonTable, from_grid
+from tests.oracles import hull_corners, turn
+
+unit_floats = st.floats(-1, 1)
+unit_points = st.tuples(unit_floats, unit_floats)
+steps = st.integers(-3, 3)
+
+
+@st.composite
+def clouds(draw):
+    """Draw points of a difficult kind, at any size."""
+    n = draw(st.integers(0, 16))
+    x, y = (np.array(draw(st.lists(unit_floats, min_size=n, max_size=n))) for _ in range(2))
+    whole = np.array(draw(st.lists(st.tuples(steps, steps), min_size=n, max_size=n)), float).reshape(-1, 2)
+    start, along = (np.array(draw(unit_points)) for _ in range(2))
+    points = {
+        "random": np.stack((x, y), axis=1),
+        "clustered": start + 1e-8 * np.stack((x, y), axis=1),
+        "on a line": start + x[:, None] * along,
+        "in one place": np.repeat(start[None], n, axis=0),
+        "one bit apart": start + whole * 2.0**-29,
+        "near a line": start + x[:, None] * along + whole * 2.0**-29,
+        "grid": 0.01 * whole,
+    }
+    return points[draw(st.sampled_from(sorted(points)))] * draw(st.sampled_from([1.0, 0.1, 1e300, 1e-300, 1e-308, 0.0]))
+
+
+def on_grid(points, step):
+    """Return points in whole steps, computed with fractions."""
+    return [tuple(round(Fraction(float(c)) / Fraction(step)) for c in point) for point in points]
+
+
+def assert_is_hull(corners, points):
+    """Check that corners are of the points, turn left, go around once from the leftmost, and no point is outside."""
+    assert set(corners) <= set(points) and bool(corners) == bool(points)
+    if not points:
+        return
+    assert corners[0] == min(points) and len(set(corners)) == len(corners)
+    edges = list(zip(corners, corners[1:] + corners[:1]))
+    assert all(turn(a, b, p) >= 0 for a, b in edges for p in points)
+    if len(corners) > 2:
+        assert all(turn(a, b, c) > 0 for (a, b), (_, c) in zip(edges, edges[1:] + edges[:1]))
+        forth = [b > a for a, b in edges]
+        assert sum(now != then for now, then in zip(forth, forth[1:] + forth[:1])) == 2
+    else:
+        assert min(corners) == min(points) and max(corners) == max(points)
+
+
+@given(clouds())
+def test_hull_equals_the_oracle(points):
+    """It is the hull of the points on the grid, and equals a search over all pairs of points in every bit."""
+    table = HullTable(points)
+    corners = table.hull(np.arange(len(points)))
+    whole = on_grid(points, table.step)
+    assert_is_hull(corners, whole)
+    assert corners == hull_corners(whole)
+
+
+@given(clouds(), st.data())
+def test_hull_of_chosen_rows_is_that_of_their_points(points, data):
+    """Rows have several points, in any order, some twice; the table is valid after each call."""
+    k = data.draw(st.integers(1, 4))
+    points = points[: len(points) // k * k].reshape(-1, k, 2)
+    table = HullTable(points)
+    assert table.size == len(points)
+    whole = on_grid(points.reshape(-1, 2), table.step)
+    for _ in range(3):
+        rows = data.draw(st.lists(st.integers(0, len(points) - 1), max_size=8)) if len(points) else []
+        chosen = [whole[row * k + j] for row in rows for j in range(k)]
+        assert table.hull(np.array(rows, np.int64)) == hull_corners(chosen)
+
+
+@given(clouds(), st.integers(1, 2), st.data())
+def test_hull_of_rows_that_change_is_that_of_their_points(points, k, data):
+    """A few or many rows change at a time; rows have common points, so that a removed point can still be there."""
+    rows_of = points[: len(points) // k * k].reshape(-1, k, 2)
+    table, chosen = HullTable(rows_of), set()
+    polygons, others = PolygonTable(table), PolygonTable(table)
+    whole = on_grid(rows_of.reshape(-1, 2), table.step)
+    some = st.sets(st.integers(0, len(rows_of) - 1), max_size=3) if len(rows_of) else st.just(set())
+    for _ in range(8):
+        chosen ^= data.draw(st.one_of(some, some, st.just(set(range(len(rows_of))))))
+        corners = table.hull(np.array(sorted(chosen), np.int64))
+        assert corners == hull_corners([whole[row * k + j] for row in chosen for j in range(k)])
+        corners.clear()  # what is done to an answer changes no later one
+        which = np.isin(np.arange(len(rows_of)), list(chosen))
+        expected = from_grid(table.hull(which.nonzero()[0]), table.step).corners
+        assert (polygons.hull(which).corners == expected).all() and (
+            others.hull(which, polygons).corners == expected
+        ).all()
+
+
+@given(clouds(), st.integers(1, 2), st.lists(st.integers(0, 3), min_size=16, max_size=16))
+def test_changed_hull_is_that_of_its_points(points, k, kinds):
+    """Rows of four kinds: never there, removed, added, always there. A lost corner gives no hull."""
+    rows_of = points[: len(points) // k * k].reshape(-1, k, 2)
+    table, kind = HullTable(rows_of), np.array(kinds[: len(rows_of)], int)
+    before, after = (kind % 2).nonzero()[0], (kind > 1).nonzero()[0]
+    whole = on_grid(rows_of.reshape(-1, 2), table.step)
+    corners = table.hull(before)
+    found = table.changed(corners, (kind == 1).nonzero()[0], (kind == 2).nonzero()[0])
+    lost = {whole[row * k + j] for row in np.flatnonzero(kind == 1) for j in range(k)}.intersection(corners)
+    assert (found is None) == bool(lost)
+    assert found is None or found == hull_corners([whole[row * k + j] for row in after for j in range(k)])
+
+
+@given(st.floats(5e-324, allow_infinity=False))
+def test_grid_is_the_finest_that_fits(size):
+    """The step is a power of two.
+
+    The size is at most 2**29 steps and more than half as many, or the step is the smallest.
+    """
+    step = grid_step(size)
+    assert np.frexp(step)[0] == 0.5
+    assert Fraction(size) / Fraction(step) < 2**29
+    assert step == 5e-324 or Fraction(size) / Fraction(step) > 2**28 - 1
+
+
+def test_grid_is_below_a_nanometre_for_a_foot():
+    """This is for a quarter of a metre from the origin of the sole."""
+    assert grid_step(0.249) < 0.5e-9
+
+
+def test_corners_that_differ_in_the_last_bit_keep_the_area():
+    """With rounded cross products, a second point next to each corner of a square removed half of the area."""
+    square = np.array([(-0.1, -0.05), (0.1, -0.05), (0.1, 0.05), (-0.1, 0.05)])
+    points = np.concatenate([square, np.nextafter(square, 0), np.nextafter(square, 1)])
+    table = HullTable(points)
+    corners = table.hull(np.arange(len(points)))
+    assert corners == [tuple(np.rint(corner / table.step).astype(int)) for corner in square]
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_points_that_are_not_finite_are_refused(wrong):
+    """NaN and infinity raise an error."""
+    with pytest.raises(ValueError, match="must be finite"):
+        HullTable(np.array([(0.0, 0.0), (1.0, wrong)]))
+
+
+@pytest.mark.parametrize("shape", [(0, 2), (0, 6, 2), (5, 2), (5, 6, 2)])
+def test_no_rows_have_no_hull(shape):
+    """A foot in the air, with or without cells, has no corners."""
+    table = HullTable(np.ones(shape))
+    assert table.size == shape[0] and table.hull(np.empty(0, np.int64)) == []
+
+
+def test_hull_is_exact_for_a_turn_of_one_step():
+    """The cross product of three lattice points is 1, while rounded products differ by 128."""
+    points = [(0, 0), (267914296, 165580141), (433494437, 267914296)]
+    table = HullTable(np.array(points) * 2.0**-31)
+    assert table.hull(np.arange(3)) == hull_corners(points)
