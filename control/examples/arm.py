@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from biped import FULL_SCALE, NOISE, REST, TERRAIN_GROUP, TIME_STEP, build, force_counts, mujoco, nominal, skins
-from experiment import ARM_PAGE, FRAME_TIME, Camera, arguments, by_kind, count, report, run_all, side_by_side, spread
+from experiment import FRAME_TIME, Camera, arguments, by_kind, count, report, run_all, side_by_side, spread
 from PIL import Image
 from shapes import ELBOW_RADIUS, FOREARM_LENGTH, RANGE, RANGE_COUNTS, WRIST_RADIUS
 
@@ -607,7 +607,7 @@ def hand_before(runs: list[Result]) -> str:
 
 def main() -> None:
     """Run all cases; print the numbers; draw."""
-    given = arguments(__doc__, page=ARM_PAGE).parse_args()
+    given = arguments(__doc__).parse_args()
     kinds = [(kind, variant) for kind, variants in VARIANTS.items() for variant in variants]
     cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
     found = run_all(run, cases, given)

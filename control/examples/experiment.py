@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "out" / "control"
-PAGE, ARM_PAGE = (ROOT / "docs" / "control" / name for name in ("balance.md", "arm.md"))
+RESULTS = ROOT / "control" / "results"  # tables, which the pages of the documentation include
 FRAME_TIME = 0.1  # between the frames of an animation [s]
 SIZE = (360, 480)  # of an animation [pixel]
 COLOURS = 64  # of an animation. More: larger files, and small things keep their colours
@@ -54,17 +54,13 @@ def folder(text: str) -> Path:
         raise argparse.ArgumentTypeError(f"cannot write to the folder {text}: {error.strerror}") from error
 
 
-def arguments(
-    description: str, page: Path = PAGE, has_animation: bool = True, seeds: int = 20
-) -> argparse.ArgumentParser:
+def arguments(description: str, has_animation: bool = True, seeds: int = 20) -> argparse.ArgumentParser:
     """Return the options of an experiment.
 
     Parameters
     ----------
     description : str
         Its first line is shown by ``--help``.
-    page : path
-        Where ``--write`` puts the table.
     has_animation : bool
         Whether the experiment makes one, which can be left out.
     seeds : int
@@ -78,15 +74,13 @@ def arguments(
     parser.add_argument("--out", type=folder, default=str(OUT), help="folder of figures and animations")
     if has_animation:
         parser.add_argument("--no-animation", action="store_true", help="only the numbers and the figure")
-    parser.add_argument("--write", action="store_true", help="the table into the documentation")
-    parser.set_defaults(name=Path(parser.prog).stem, page=page)
+    parser.add_argument("--write", action="store_true", help="the table into control/results/ and the documentation")
+    parser.set_defaults(name=Path(parser.prog).stem)
     return parser
 
 
 def run_all(work: Callable[[Any], Any], cases: Sequence[Any], given: argparse.Namespace) -> list[Any]:
-    """Return the results of the cases in their order, with a progress bar; stop if there is no place for the table."""
-    if given.write:
-        _around_table(given)
+    """Return the results of the cases in their order, with a progress bar."""
     try:
         with _mapped(work, cases, given.jobs) as results:
             return list(tqdm(results, total=len(cases)))
@@ -139,30 +133,14 @@ def stands_and_steps(*groups: Sequence[Any]) -> list[str]:
 
 
 def report(given: argparse.Namespace, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table in Markdown; with ``--write`` it replaces the one between the marks of the documentation."""
+    """Print a table in Markdown; with ``--write`` it replaces the one in the folder of the results."""
     heads = (f"{heads[0]} ({given.seeds} seeds)", *heads[1:])
     widths = [max(3, *map(len, column)) for column in zip(heads, *rows)]
     lines = [heads, ["-" * width for width in widths], *rows]
     table = "".join(f"| {' | '.join(map(str.ljust, line, widths))} |\n" for line in lines)
     print(table)
     if given.write:
-        before, after = _around_table(given)
-        given.page.write_text(f"{before}\n{table}\n{after}", "utf-8")
-
-
-def _around_table(given: argparse.Namespace) -> tuple[str, str]:
-    """Return the parts of the page before and after the table, with its marks."""
-    begin, end = (f"<!-- {edge} of the table of {given.name}.py -->\n" for edge in ("begin", "end"))
-    try:
-        with given.page.open("r+", encoding="utf-8") as page:  # it is written at the end
-            text = page.read()
-    except OSError as error:
-        raise SystemExit(f"cannot write {given.page}: {error.strerror}") from error
-    before, found, rest = text.partition(begin)
-    _, found_end, after = rest.partition(end)
-    if not (found and found_end):
-        raise SystemExit(f"{given.page} has no line {end if found else begin}")
-    return before + begin, end + after
+        (RESULTS / f"{given.name}.md").write_text(table, "utf-8")
 
 
 class Camera:

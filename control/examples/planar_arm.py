@@ -14,7 +14,7 @@ from functools import cache
 
 import numpy as np
 from biped import NOISE, REST, force_counts, mujoco
-from experiment import ARM_PAGE, FRAME_TIME, Camera, arguments, by_kind, count, report, run_all, spread
+from experiment import FRAME_TIME, Camera, arguments, by_kind, count, report, run_all, spread
 from PIL import Image
 from planar_skin import FULL_SCALE, LINK_LENGTH, PLAN, RANGE, RANGE_COUNTS
 from planar_skin import RADIUS as RADIUS_OF_LINK
@@ -420,7 +420,7 @@ def draw(result: Result, path) -> None:
 
 def main() -> None:
     """Run all cases; print a table; draw."""
-    given = arguments(__doc__, page=ARM_PAGE).parse_args()
+    given = arguments(__doc__).parse_args()
     cases = [(policy, seed) for policy in POLICIES for seed in range(given.seeds)]
     found, rows = run_all(run, cases, given), []
     for policy, runs in by_kind(POLICIES, found, given).items():

@@ -7,38 +7,25 @@ from types import SimpleNamespace
 import pytest
 
 
-def test_each_table_has_a_place_in_its_page():
-    """``--write`` replaces what is between two marks."""
-    from experiment import ARM_PAGE, PAGE, ROOT
+def test_each_table_is_in_a_page():
+    """The results of each experiment are there, and a page includes or names them."""
+    from experiment import RESULTS, ROOT
 
-    pages = {page: page.read_text("utf-8") for page in (PAGE, ARM_PAGE)}
-    scripts = {path.name: path.read_text("utf-8") for path in (ROOT / "control/examples").glob("*.py")}
-    scripts = {name: text for name, text in scripts.items() if "report(given," in text}
-    assert len(scripts) > 5
-    for name, text in scripts.items():
-        page = pages[ARM_PAGE if "page=ARM_PAGE" in text else PAGE]
-        before, found, after = page.partition(f"<!-- begin of the table of {name} -->\n")
-        assert found and after.lstrip().startswith("|") and f"<!-- end of the table of {name} -->\n" in after, name
+    text = "".join(page.read_text("utf-8") for page in (ROOT / "docs" / "control").glob("*.md"))
+    scripts = {path.stem: path.read_text("utf-8") for path in (ROOT / "control" / "examples").glob("*.py")}
+    scripts = {name for name, source in scripts.items() if "report(given," in source}
+    assert {path.stem for path in RESULTS.glob("*.md")} == scripts
+    assert {name for name in scripts if f"control/results/{name}.md" not in text} == set()
 
 
-@pytest.mark.parametrize(
-    ("text", "problem"),
-    [
-        ("no table", "has no line <!-- begin of the table of beam.py -->"),
-        ("<!-- begin of the table of beam.py -->\nrest", "has no line <!-- end of the table of beam.py -->"),
-        (None, "No such file or directory"),
-    ],
-)
-def test_page_without_a_place_for_the_table_stops_before_the_runs(text, problem, tmp_path):
-    """The rest of the page after a missing end was lost."""
-    from experiment import run_all
+def test_table_is_written_where_pages_include_it(monkeypatch, tmp_path, capsys):
+    """The file is what is printed."""
+    import experiment
 
-    page = tmp_path / "page.md"
-    if text is not None:
-        page.write_text(text)
-    with pytest.raises(SystemExit, match=problem):
-        run_all(pytest.fail, [0], SimpleNamespace(write=True, page=page, name="beam", jobs=1))
-    assert text is None or page.read_text() == text
+    monkeypatch.setattr(experiment, "RESULTS", tmp_path)
+    experiment.report(SimpleNamespace(name="beam", seeds=2, write=True), ["assumed", "stands"], [["full sole", "0/2"]])
+    table = "| assumed (2 seeds) | stands |\n| ----------------- | ------ |\n| full sole         | 0/2    |\n"
+    assert (tmp_path / "beam.md").read_text() == table and table in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
