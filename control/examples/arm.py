@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from biped import FULL_SCALE, NOISE, REST, TERRAIN_GROUP, TIME_STEP, build, force_counts, mujoco, nominal, skins
-from experiment import FRAME_TIME, Camera, arguments, by_kind, count, report, run_all, side_by_side, spread
+from experiment import FRAME_TIME, Camera, arguments, count, report, run_all, side_by_side, spread
 from PIL import Image
 from shapes import ELBOW_RADIUS, FOREARM_LENGTH, RANGE, RANGE_COUNTS, WRIST_RADIUS
 
@@ -609,9 +609,8 @@ def main() -> None:
     """Run all cases; print the numbers; draw."""
     given = arguments(__doc__).parse_args()
     kinds = [(kind, variant) for kind, variants in VARIANTS.items() for variant in variants]
-    cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
-    found = run_all(run, cases, given)
-    results = by_kind(kinds, found, given)
+    cases = {kind: [Case(*kind, seed) for seed in range(given.seeds)] for kind in kinds}
+    results = run_all(run, cases, given)
     rows = [
         (TITLES[kind], variant, THESIS.get((kind, variant), ""), numbers(kind, results[kind, variant]))
         for kind, variant in kinds

@@ -13,7 +13,7 @@ from typing import Any
 import footholds
 import landing
 import numpy as np
-from experiment import arguments, by_kind, count, report, run_all, spread
+from experiment import arguments, count, report, run_all, spread
 from foothold import Foothold, full_sole
 from shapes import PITCH
 from walker import Proximity
@@ -101,11 +101,8 @@ def main() -> None:
     """Run all cases; print a table."""
     given = arguments(__doc__, has_animation=False).parse_args()
     kinds = [(name, rule) for name in EXPERIMENTS for rule in RULES]
-    found = run_all(run, [case for kind in kinds for case in cases_of(*kind, range(given.seeds))], given)
-    rows = [
-        (EXPERIMENTS[name], rule, *texts(name, results))
-        for (name, rule), results in by_kind(kinds, found, given).items()
-    ]
+    results = run_all(run, {kind: cases_of(*kind, range(given.seeds)) for kind in kinds}, given)
+    rows = [(EXPERIMENTS[name], rule, *texts(name, runs)) for (name, rule), runs in results.items()]
     report(given, ("experiment", "rule", "stands", "steps", "impact [N]", "touch-down [s]"), rows)
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import FLAT, PERIOD, Biped, Faults
-from experiment import arguments, by_kind, distances, film_both, report, run_all, spread
+from experiment import arguments, distances, film_both, report, run_all, spread
 from walker import Gains, Walker
 
 BEAM = """
@@ -160,8 +160,7 @@ def main() -> None:
     given = arguments(__doc__, seeds=SEEDS).parse_args()
     kinds = [(ground, source) for ground in GROUND for source in SOURCES]
     cases = {kind: [Case(*kind, seed) for seed in range(given.seeds)] for kind in kinds}
-    found = run_all(run, [case for kind in kinds for case in cases[kind]], given)
-    results = by_kind(kinds, found, given)
+    results = run_all(run, cases, given)
     rows = []
     for (ground, source), searches in results.items():
         rows.append(

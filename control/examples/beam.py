@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import PERIOD, Biped
 from diagrams import ASSUMED, draw_walks
-from experiment import arguments, by_kind, film_both, positive, report, run_all, stands_and_steps, whole
+from experiment import arguments, film_both, positive, report, run_all, stands_and_steps, whole
 from shapes import FORWARD
 from walker import OTHER, Gait, Step, Walker, walk
 
@@ -75,12 +75,14 @@ def main() -> None:
     parser.add_argument("--steps", type=whole, default=50, help="of a walk")
     parser.add_argument("--width", type=positive, default=0.08, help="of the beam [m]")
     given = parser.parse_args()
-    cases = [Case(feels, given.width, given.steps, seed) for feels in (False, True) for seed in range(given.seeds)]
-    found = run_all(run, cases, given)
+    kinds = {"the full sole": False, "what is felt": True}
+    cases = {
+        assumed: [Case(feels, given.width, given.steps, seed) for seed in range(given.seeds)]
+        for assumed, feels in kinds.items()
+    }
+    results = run_all(run, cases, given)
     print(f"beam of {1e3 * given.width:.0f} mm under soles of 200 mm, {1e3 * OFFSET:.0f} mm from their middle")
-    rows = []
-    for assumed, runs in by_kind(("the full sole", "what is felt"), found, given).items():
-        rows.append((assumed, *stands_and_steps(runs)))
+    rows = [(assumed, *stands_and_steps(runs)) for assumed, runs in results.items()]
     report(given, ("assumed", "stands", f"steps of {given.steps}"), rows)
     films = [
         lambda each, feels=feels: run(Case(feels, given.width, min(given.steps, 8), 0), each) for feels in (False, True)

@@ -3,8 +3,9 @@
 import argparse
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -79,13 +80,17 @@ def arguments(description: str, has_animation: bool = True, seeds: int = 20) -> 
     return parser
 
 
-def run_all(work: Callable[[Any], Any], cases: Sequence[Any], given: argparse.Namespace) -> list[Any]:
-    """Return the results of the cases in their order, with a progress bar."""
+def run_all(
+    work: Callable[[Any], Any], cases: Mapping[Any, Sequence[Any]], given: argparse.Namespace
+) -> dict[Any, list[Any]]:
+    """Return the results of the cases of each kind, with a progress bar."""
+    flat = [case for some in cases.values() for case in some]
     try:
-        with _mapped(work, cases, given.jobs) as results:
-            return list(tqdm(results, total=len(cases)))
+        with _mapped(work, flat, given.jobs) as results:
+            found = iter(list(tqdm(results, total=len(flat))))
     except KeyboardInterrupt:
         raise SystemExit("stopped; nothing was written") from None
+    return {kind: list(islice(found, len(some))) for kind, some in cases.items()}
 
 
 @contextmanager
@@ -114,11 +119,6 @@ def distances(groups: Iterable[Array]) -> str:
     """Return mean, 95 % and maximum of all distances of some runs [m] as text [mm]."""
     far = 1e3 * np.concatenate(list(groups))
     return f"{np.nanmean(far):.1f} / {np.nanpercentile(far, 95):.1f} / {np.nanmax(far):.1f}"
-
-
-def by_kind(kinds: Iterable[Any], results: Sequence[Any], given: argparse.Namespace) -> dict[Any, list[Any]]:
-    """Return the results of each kind of case, which follow each other, with all seeds of one kind."""
-    return {kind: list(results[k * given.seeds : (k + 1) * given.seeds]) for k, kind in enumerate(kinds)}
 
 
 def count(flags: Iterable[bool]) -> str:

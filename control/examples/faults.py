@@ -15,7 +15,7 @@ from math import ceil
 import numpy as np
 from biped import NOISE, PERIOD, Biped, Faults
 from diagrams import draw_walks
-from experiment import arguments, by_kind, film_both, report, run_all, spread, stands_and_steps, whole
+from experiment import arguments, film_both, report, run_all, spread, stands_and_steps, whole
 from shapes import SOLE_CELLS
 from walker import Walker, forward_steps, walk
 
@@ -92,9 +92,8 @@ def main() -> None:
     parser = arguments(__doc__)
     parser.add_argument("--steps", type=whole, default=2, help="of a walk")
     given = parser.parse_args()
-    cases = [Case(*kind, given.steps, seed) for kind in CASES for seed in range(given.seeds)]
-    found = run_all(run, cases, given)
-    results = by_kind(CASES, found, given)
+    cases = {kind: [Case(*kind, given.steps, seed) for seed in range(given.seeds)] for kind in CASES}
+    results = run_all(run, cases, given)
     rows = []
     for name in FAULTS:
         row = [name]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import FLAT, PERIOD, Biped
 from diagrams import ASSUMED, draw_walks
-from experiment import arguments, by_kind, film_both, report, run_all, spread, stands_and_steps
+from experiment import arguments, film_both, report, run_all, spread, stands_and_steps
 from foothold import Foothold, full_sole
 from shapes import HALF_SIZE
 from walker import Gait, Walker, forward_steps, walk
@@ -103,8 +103,8 @@ def main() -> None:
     """Run all cases; print a table; draw."""
     given = arguments(__doc__).parse_args()
     kinds = [(scene, feels) for scene in SCENES for feels in (False, True)]
-    cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
-    results = by_kind(kinds, run_all(run, cases, given), given)
+    cases = {kind: [Case(*kind, seed) for seed in range(given.seeds)] for kind in kinds}
+    results = run_all(run, cases, given)
     rows = []
     for scene in SCENES:
         full, felt = results[scene, False], results[scene, True]

@@ -35,7 +35,7 @@ from biped import (
     proximity_counts,
 )
 from estimator import ground_wrenches
-from experiment import arguments, by_kind, distances, film_both, report, run_all, spread
+from experiment import arguments, distances, film_both, report, run_all, spread
 from legs import rotation
 from shapes import RANGE, RANGE_COUNTS
 from zmp_plan import Reference
@@ -569,8 +569,7 @@ def main() -> None:
     propose(given.urdf, folder)
     kinds = [(ground, source) for ground in GROUND for source in SOURCES]
     cases = {kind: [Case(given.urdf, folder, *kind, seed) for seed in range(given.seeds)] for kind in kinds}
-    found = run_all(run, [case for kind in kinds for case in cases[kind]], given)
-    results = by_kind(kinds, found, given)
+    results = run_all(run, cases, given)
     rows = []
     for (ground, source), runs in results.items():
         texts = []

@@ -34,7 +34,7 @@ from arm import TITLES as ARM_TITLES
 from arm import VARIANTS as ARM_VARIANTS
 from arm import run as run_arm
 from biped import COUNTS, FULL_SCALE, TERRAIN_GROUP, mujoco, round_pads
-from experiment import OUT, arguments, by_kind, report, run_all
+from experiment import OUT, arguments, report, run_all
 from g1 import BOX_COLOUR, DAMPING, STIFFNESS, URDF, propose, skeleton, with_g1, with_proximity
 
 from skin_calib_addon.calibration import Response, load_calibration
@@ -180,9 +180,9 @@ def main() -> None:
     folder = given.out / "g1_arm"
     propose(given.urdf, folder, COVERED)
     kinds = [(kind, variant) for kind, variants in VARIANTS.items() for variant in variants]
-    cases = [G1Case(*kind, seed, urdf=given.urdf, folder=folder) for kind in kinds for seed in range(given.seeds)]
-    found = run_all(run, cases, given)
-    results = by_kind(kinds, found, given)
+    seeds = range(given.seeds)
+    cases = {kind: [G1Case(*kind, seed, urdf=given.urdf, folder=folder) for seed in seeds] for kind in kinds}
+    results = run_all(run, cases, given)
     rows = [(TITLES[kind], variant, numbers(kind, runs)) for (kind, variant), runs in results.items()]
     report(given, ("experiment", "controller", "result"), rows)
     draw(results, given.out / "g1_arm.png", TITLES)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from biped import PERIOD
-from experiment import arguments, by_kind, count, film_both, positive, report, run_all, spread, whole
+from experiment import arguments, count, film_both, positive, report, run_all, spread, whole
 from g1 import FEET, G1, Balancer, Box, Senses, Terrain, propose, with_g1
 from landing import HEIGHT, LIFTS, Impact, Judge, draw, ratio
 from walker import Gait, Proximity, descent, quintic
@@ -183,13 +183,11 @@ def main() -> None:
     propose(given.urdf, folder)
     steps = {"flat": given.steps, "obstacle": OBSTACLE_STEPS}
     kinds = [(ground, proximity) for ground in GROUND for proximity in (False, True)]
-    cases = [
-        Case(given.urdf, folder, *kind, steps[kind[0]], given.speed, seed)
+    cases = {
+        kind: [Case(given.urdf, folder, *kind, steps[kind[0]], given.speed, seed) for seed in range(given.seeds)]
         for kind in kinds
-        for seed in range(given.seeds)
-    ]
-    found = run_all(run, cases, given)
-    results = by_kind(kinds, found, given)
+    }
+    results = run_all(run, cases, given)
     robot = G1(given.urdf, folder, 0)
     impacts, rows = by_place(results, -robot.sole), []
     for (place, proximity), landings in impacts.items():
@@ -209,7 +207,7 @@ def main() -> None:
         print(f"{place}, without: {np.mean(forces) / weight if forces else 0:.1f} times the weight of {weight:.0f} N")
     draw(impacts, weight, given.out / "g1_landing.png")
     if not given.no_animation:
-        shown = replace(cases[0], ground="obstacle", steps=OBSTACLE_STEPS, is_shown=True)
+        shown = replace(cases["flat", False][0], ground="obstacle", steps=OBSTACLE_STEPS, is_shown=True)
         films = [lambda each, near=near: run(replace(shown, proximity=near), each) for near in (False, True)]
         film_both(films, given.out / "g1_landing.gif", azimuth=120, distance=2.0)
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import TIME_STEP, Biped, mujoco
 from estimator import SOLE_CENTRE
-from experiment import arguments, by_kind, report, run_all, spread
+from experiment import arguments, report, run_all, spread
 from landing import LIFTS, OBSTACLE_STEPS, Case, Impact, Judge
 from landing import run as land
 
@@ -99,13 +99,14 @@ def main() -> None:
     kinds = [
         (*scene, near) for scene in dict.fromkeys(place[:2] for place in PLACES.values()) for near in (False, True)
     ]
-    cases = [
-        Case(ground, near, OBSTACLE_STEPS if ground == "obstacle" else 3, SPEED, seed, lift=lift)
+    cases = {
+        (ground, lift, near): [
+            Case(ground, near, OBSTACLE_STEPS if ground == "obstacle" else 3, SPEED, seed, lift=lift)
+            for seed in range(given.seeds)
+        ]
         for ground, lift, near in kinds
-        for seed in range(given.seeds)
-    ]
-    found = run_all(run, cases, given)
-    parts = by_kind(kinds, found, given)
+    }
+    parts = run_all(run, cases, given)
     results = {
         (place, near): [
             one

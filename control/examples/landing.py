@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import FEET, FLAT, PERIOD, Biped, mujoco
 from estimator import SOLE_CENTRE
-from experiment import arguments, by_kind, count, film_both, positive, report, run_all, spread, whole
+from experiment import arguments, count, film_both, positive, report, run_all, spread, whole
 from shapes import HALF_SIZE
 from walker import Gait, Proximity, Walker, forward_steps, walk
 
@@ -200,9 +200,8 @@ def main() -> None:
     given = parser.parse_args()
     steps = {"flat": given.steps, "obstacle": OBSTACLE_STEPS}
     kinds = [(ground, proximity) for ground in LIFTS for proximity in (False, True)]
-    cases = [Case(*kind, steps[kind[0]], given.speed, seed) for kind in kinds for seed in range(given.seeds)]
-    found = run_all(run, cases, given)
-    results = by_kind(kinds, found, given)
+    cases = {kind: [Case(*kind, steps[kind[0]], given.speed, seed) for seed in range(given.seeds)] for kind in kinds}
+    results = run_all(run, cases, given)
     weight = float(Biped().model.body_subtreemass[0] * 9.81)
     impacts, rows = by_place(results), []
     for (place, proximity), landings in impacts.items():

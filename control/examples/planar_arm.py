@@ -14,7 +14,7 @@ from functools import cache
 
 import numpy as np
 from biped import NOISE, REST, force_counts, mujoco
-from experiment import FRAME_TIME, Camera, arguments, by_kind, count, report, run_all, spread
+from experiment import FRAME_TIME, Camera, arguments, count, report, run_all, spread
 from PIL import Image
 from planar_skin import FULL_SCALE, LINK_LENGTH, PLAN, RANGE, RANGE_COUNTS
 from planar_skin import RADIUS as RADIUS_OF_LINK
@@ -421,9 +421,8 @@ def draw(result: Result, path) -> None:
 def main() -> None:
     """Run all cases; print a table; draw."""
     given = arguments(__doc__).parse_args()
-    cases = [(policy, seed) for policy in POLICIES for seed in range(given.seeds)]
-    found, rows = run_all(run, cases, given), []
-    for policy, runs in by_kind(POLICIES, found, given).items():
+    results, rows = run_all(run, {p: [(p, seed) for seed in range(given.seeds)] for p in POLICIES}, given), []
+    for policy, runs in results.items():
         rows.append(
             (
                 NAMES[policy],
@@ -447,7 +446,7 @@ def main() -> None:
         "largest step of a torque at a change [N m]",
     )
     report(given, heads, rows)
-    draw(found[-given.seeds], given.out / "planar_arm.png")
+    draw(results[POLICIES[-1]][0], given.out / "planar_arm.png")
     if not given.no_animation:
         arm = PlanarArm(0)
         view = View(arm)

@@ -6,7 +6,6 @@ The same runs as of ``landing.py``, ``footholds.py``, ``faults.py``, ``wrenches.
 rates. Readings are one cycle late with both: 4 ms at 250 Hz and 1 ms at 1 kHz. The noise of a reading is the same.
 """
 
-from itertools import islice
 from typing import Any
 
 import balance
@@ -73,11 +72,8 @@ def main() -> None:
     """Run all cases; print a table."""
     given = arguments(__doc__, has_animation=False).parse_args()
     cases = {(rate, name): cases_of(name, given.seeds, PERIODS[rate]) for rate in PERIODS for name in ROWS}
-    found = iter(run_all(run, [case for some in cases.values() for case in some], given))
-    results: dict[str, dict[str, list[Any]]] = {rate: {} for rate in PERIODS}
-    for (rate, name), some in cases.items():
-        results[rate][name] = list(islice(found, len(some)))
-    columns = [column(results[rate]) for rate in PERIODS]
+    results = run_all(run, cases, given)
+    columns = [column({name: results[rate, name] for name in ROWS}) for rate in PERIODS]
     report(given, ("quantity", *PERIODS), [(name, *(texts[name] for texts in columns)) for name in columns[0]])
 
 

@@ -9,7 +9,6 @@ The same runs as of ``landing.py``, ``balance.py``, ``replanning.py``, ``faults.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -152,11 +151,18 @@ def main() -> None:
         g1.propose(given.urdf, feet)
         g1.propose(given.urdf, arms, g1_arm.COVERED)
         rows |= of_g1(given.urdf, feet, arms)
-    cases = {(name, rate): cases_of(row, given.seeds, PERIODS[rate]) for name, row in rows.items() for rate in PERIODS}
-    found = iter(run_all(run, [case for kinds in cases.values() for some in kinds for case in some], given))
-    texts = {}
-    for (name, rate), kinds in cases.items():
-        texts[name, rate] = rows[name].text(*[list(islice(found, len(some))) for some in kinds])
+    cases = {
+        (name, rate, k): some
+        for name, row in rows.items()
+        for rate, period in PERIODS.items()
+        for k, some in enumerate(cases_of(row, given.seeds, period))
+    }
+    results = run_all(run, cases, given)
+    texts = {
+        (name, rate): row.text(*(results[name, rate, k] for k in range(len(row.cases))))
+        for name, row in rows.items()
+        for rate in PERIODS
+    }
     report(given, ("experiment", *PERIODS), [(name, *(texts[name, rate] for rate in PERIODS)) for name in rows])
 
 

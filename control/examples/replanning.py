@@ -16,7 +16,7 @@ import numpy as np
 from biped import FEET, FLAT, PERIOD, SIDE, Biped
 from diagrams import draw_walks
 from estimator import SOLE_CENTRE, State
-from experiment import arguments, by_kind, count, film_both, report, run_all, spread, stands_and_steps
+from experiment import arguments, count, film_both, report, run_all, spread, stands_and_steps
 from foothold import full_sole
 from shapes import HALF_SIZE, PITCH
 from walker import Gait, Log, Walker, forward_steps, walk
@@ -168,15 +168,14 @@ def main() -> None:
     """Run all cases; print a table; draw."""
     given = arguments(__doc__).parse_args()
     kinds = [(obstacle, kind) for obstacle in OBSTACLES for kind in KINDS]
-    cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
-    found = run_all(run, cases, given)
-    results, rows = by_kind(kinds, found, given), []
+    cases = {kind: [Case(*kind, seed) for seed in range(given.seeds)] for kind in kinds}
+    results, rows = run_all(run, cases, given), []
     for obstacle in OBSTACLES:
         blind, felt, avoiding = (results[obstacle, kind] for kind in KINDS)
         again, area = count(bool(r.retracted) for r in avoiding), spread([100 * r.area for r in avoiding])
         moments = spreads(r.moments[ONTO] for r in blind)
         rows.append((obstacle, *stands_and_steps(blind, felt, avoiding), again, area, *moments, *THESIS[obstacle]))
-    flat = spreads(pair for r in found for pair in r.moments[:ONTO])
+    flat = spreads(pair for runs in results.values() for r in runs for pair in r.moments[:ONTO])
     rows.append(("none: the steps before", *[""] * 8, *flat, "", "", ""))
     heads = (
         "obstacle",

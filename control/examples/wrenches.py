@@ -14,7 +14,7 @@ import numpy as np
 from biped import PERIOD, Biped
 from diagrams import draw_walks
 from estimator import State
-from experiment import arguments, by_kind, count, film_both, report, run_all, spread
+from experiment import arguments, count, film_both, report, run_all, spread
 from shapes import FORWARD
 from walker import Walker
 from zmp_plan import ZmpPlan
@@ -94,9 +94,9 @@ def main() -> None:
     """Run all cases; print a table; draw."""
     given = arguments(__doc__).parse_args()
     cones = ("full", "felt")
-    found = run_all(run, [Case(cone, seed) for cone in cones for seed in range(given.seeds)], given)
+    results = run_all(run, {cone: [Case(cone, seed) for seed in range(given.seeds)] for cone in cones}, given)
     rows = []
-    for cone, runs in by_kind(cones, found, given).items():
+    for cone, runs in results.items():
         rows.append(
             (
                 {"full": "the full sole", "felt": "the felt polygon"}[cone],

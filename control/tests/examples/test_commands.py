@@ -27,10 +27,10 @@ def test_command_prints_its_table_and_draws(name, tmp_path, monkeypatch, capsys)
 
     def first_of_each(work, cases, given):
         results = {}
-        for case in cases:
+        for case in (case for some in cases.values() for case in some):
             if type(case) not in results:
                 results[type(case)] = work(case)
-        return [results[type(case)] for case in cases]
+        return {kind: [results[type(case)] for case in some] for kind, some in cases.items()}
 
     monkeypatch.setattr(module, "run_all", first_of_each)
     has_animation = "has_animation=False" not in (FOLDER / f"{name}.py").read_text("utf-8")

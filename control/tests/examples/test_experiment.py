@@ -81,7 +81,7 @@ def test_processes_of_an_experiment_ignore_ctrl_c_from_their_start(monkeypatch):
 
     monkeypatch.setattr(experiment, "get_context", lambda _: SimpleNamespace(Pool=Pool))
     before = signal.getsignal(signal.SIGINT)
-    assert experiment.run_all(abs, [-1, 2], SimpleNamespace(write=False, jobs=3)) == [1, 2]
+    assert experiment.run_all(abs, {"a": [-1], "b": [2, -3]}, SimpleNamespace(jobs=3)) == {"a": [1], "b": [2, 3]}
     assert seen == [(3, signal.SIG_IGN), before]
 
 
@@ -108,10 +108,3 @@ def test_animation_has_two_runs_next_to_each_other_the_shorter_of_which_stands_s
     left, right = film[:, :, : SIZE[1]], film[:, :, SIZE[1] :]
     changes = [[int((abs(a - b) > 20).any(axis=-1).sum()) for a, b in zip(half, half[1:])] for half in (left, right)]
     assert min(changes[1]) > 500 and min(changes[0][:2]) > 500 and changes[0][2:] == [0, 0]
-
-
-def test_results_belong_to_their_kind():
-    from experiment import by_kind
-
-    found = [(kind, seed) for kind in "ab" for seed in range(3)]
-    assert by_kind("ab", found, SimpleNamespace(seeds=3)) == {"a": found[:3], "b": found[3:]}
