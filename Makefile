@@ -74,7 +74,7 @@ $(VENV)/docs-ready: $(READY)
 	touch $@
 
 $(VENV)/control-ready: $(READY) control/pyproject.toml
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e . -e 'control[experiments]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e . -e './control[experiments]'
 	touch $@
 
 clean:

@@ -21,7 +21,7 @@ import numpy as np  # noqa: E402
 try:
     import mujoco
 except ModuleNotFoundError as error:
-    raise SystemExit(f"{error}. Install what the experiments need: pip install '.[control]'") from error
+    raise SystemExit(f"{error}. Install it with: pip install -e . -e './control[experiments]'") from error
 
 from shapes import ANKLE_HEIGHT, COUNTS, FULL_SCALE, HERE, RANGE, RANGE_COUNTS  # noqa: E402
 from shapes import main as make_shapes  # noqa: E402

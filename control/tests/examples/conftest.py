@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))  # the scripts import each other by their names
+# The scripts import each other by their names; a helper of the tests is in this folder.
+sys.path[:0] = [str(Path(__file__).parents[2] / "examples"), str(Path(__file__).parent)]
 
 
 @pytest.fixture

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from control.tests.frames import frame_of
+from sole_frames import frame_of
 
 
 def test_written_rule_plans_at_the_first_polygon_after_the_contact_and_limits_to_the_present_one():

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from control.tests.frames import frame_of
+from sole_frames import frame_of
 
 
 def test_largest_foothold_agrees_with_brute_force():
