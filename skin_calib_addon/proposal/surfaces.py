@@ -30,7 +30,7 @@ from .trial import Start, Trial, judged, region_size
 # 7 cm^2: 5858 with 85, instead of 5952 with 100 on the G1, before ``BOUNDARY_OPENING``).
 MIN_AREA = 5e-4
 # [fraction] of the free area of a link that each surface after the first adds. Larger: fewer surfaces on large links,
-# above 0.3 m^2. Without it the torso of a Baxter, 1.2 m^2, has more than 120 of them.
+# above 0.25 m^2. Without it the torso of a Baxter, 1.2 m^2, has more than 120 of them.
 MIN_FRACTION = 2e-3
 # [m] distance of the sites that give the boundary. Larger: less exact boundaries (double: 47 instead of 55 boards on
 # four links of the G1; half: 53, 1.4 times the time).
