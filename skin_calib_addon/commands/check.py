@@ -24,24 +24,21 @@ from .common import DONE, WRONG_DATA, complain, named_path, say
 MAX_UNCOUNTED = 10  # findings without a count by code. Larger: longer lists without a count.
 
 
-def add(commands) -> None:
-    check = commands.add_parser(
-        "check",
-        help="validate calibrations and plans, and compare calibrations with their meshes",
-        description="The mesh of a calibration is searched at the path in sources.json, which fit writes to the same "
-        "folder, and in the folder of the calibration.",
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "The mesh of a calibration is searched at the path in sources.json, which fit writes to the same "
+        "folder, and in the folder of the calibration."
     )
-    check.add_argument(
+    parser.add_argument(
         "files",
         nargs="+",
         type=named_path,
         metavar="FILE",
         help="file, or folder of *.calibration.json, *.plan.json and robot.json",
     )
-    check.add_argument(
+    parser.add_argument(
         "--mesh", type=named_path, metavar="MESH", help="mesh of the calibration; only for a single file"
     )
-    check.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

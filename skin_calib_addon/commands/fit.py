@@ -40,35 +40,34 @@ from .propose import add_options, propose
 ScenePlans = Callable[[], Sequence[tuple[Plan, TriangleMesh]]]
 
 
-def add(commands, scene_plans: ScenePlans | None) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
     """Define the command."""
-    fit = commands.add_parser(
-        "fit",
-        help="calculate calibration files from plans",
-        description="OUT is a folder if it exists as one, or ends with a slash. For a folder, a URDF or several plans, "
+    parser.description = (
+        "OUT is a folder if it exists as one, or ends with a slash. For a folder, a URDF or several plans, "
         "a name without an ending is a folder, too. It is created. Calibrations in it that are up to date (same plan, "
-        "mesh, taxel files and program) are not fitted again. An error of one link does not stop the others.",
+        "mesh, taxel files and program) are not fitted again. An error of one link does not stop the others."
     )
-    fit.add_argument(
+    parser.add_argument(
         "plans",
-        nargs="*" if scene_plans else "+",
+        nargs="*" if parser.get_default("scene_plans") else "+",
         type=named_path,
         metavar="PLAN",
         help="plan file; folder of *.plan.json; or URDF: fit the plans in its folder and compare them with it",
     )
-    fit.add_argument("-o", "--output", required=True, type=not_empty, metavar="OUT", help="calibration file, or folder")
-    fit.add_argument(
+    parser.add_argument(
+        "-o", "--output", required=True, type=not_empty, metavar="OUT", help="calibration file, or folder"
+    )
+    parser.add_argument(
         "--picture", type=not_empty, metavar="PNG", help="picture of surface, errors and taxels; or folder"
     )
-    fit.add_argument("--report", type=not_empty, metavar="JSON", help="report of errors and times; or folder")
-    fit.add_argument("--again", action="store_true", help="also fit calibrations that are up to date")
-    fit.add_argument(
+    parser.add_argument("--report", type=not_empty, metavar="JSON", help="report of errors and times; or folder")
+    parser.add_argument("--again", action="store_true", help="also fit calibrations that are up to date")
+    parser.add_argument(
         "--propose",
         action="store_true",
         help="PLAN is a URDF or a mesh: propose plans first, and write them to the folder OUT, see propose",
     )
-    add_options(fit)
-    fit.set_defaults(run=run, scene_plans=scene_plans, refuse=fit.error)
+    add_options(parser)
 
 
 def run(options: argparse.Namespace) -> int:

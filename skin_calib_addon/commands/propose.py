@@ -35,21 +35,16 @@ from .worker_processes import run_tasks
 NO_MESH = "it has no visual mesh. Shapes for collisions, boxes, cylinders, spheres and capsules carry no skin."
 
 
-def add(commands) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
     """Define the command."""
-    propose = commands.add_parser(
-        "propose",
-        help="propose a plan for each link of a robot, or for one mesh",
-        description="A plan has the surfaces that cover what can be seen from outside and what no other link covers, "
-        "and skins on them. Each plan states the reasons for its choices, under x_proposal.",
+    parser.description = (
+        "A plan has the surfaces that cover what can be seen from outside and what no other link covers, "
+        "and skins on them. Each plan states the reasons for its choices, under x_proposal."
     )
-    propose.add_argument("file", type=named_path, metavar="FILE", help="URDF of the robot, or a mesh")
-    propose.add_argument(
-        "-o", "--output", required=True, type=named_path, metavar="FOLDER", help="folder for the plans"
-    )
-    propose.add_argument("--again", action="store_true", help="also replace plans that exist")
-    add_options(propose)
-    propose.set_defaults(run=run)
+    parser.add_argument("file", type=named_path, metavar="FILE", help="URDF of the robot, or a mesh")
+    parser.add_argument("-o", "--output", required=True, type=named_path, metavar="FOLDER", help="folder for the plans")
+    parser.add_argument("--again", action="store_true", help="also replace plans that exist")
+    add_options(parser)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
