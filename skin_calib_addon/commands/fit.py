@@ -9,11 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..calibration.robot_set import FILE
+from ..calibration.source_record import lost_plan
 from ..common.atomic_file import make_folder
 from ..common.errors import CalibrationFormatError, InvalidPlan, OutputError, SkinCalibError, counted
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline.robot_folder import save_robot
-from ..pipeline.sources import Source, load_sources, lost_plan, save_source
 from ..plan import Plan
 from ..proposal.links import Fitted
 from ..robot.link_mesh import is_urdf
@@ -127,8 +127,7 @@ def run(options: argparse.Namespace) -> int:
     for path in folders:
         make_folder(path)
     folder = options.output if options.plans and os.path.isdir(options.output) else None
-    known = load_sources(folder) if folder else {}
-    jobs = [_job(options, name, plan, mesh, robot, folder, known) for name, plan, mesh in links]
+    jobs = [_job(options, name, plan, mesh, robot, folder) for name, plan, mesh in links]
     if len(jobs) > 1:  # also the summary of a single fit needs more
         jobs = [replace(job, fitted=fitted.get(job.plan)) if isinstance(job.plan, Path) else job for job in jobs]
     # Blender's program cannot be started again as a plain Python
@@ -187,7 +186,6 @@ def _job(
     mesh: TriangleMesh | None,
     robot: Robot | None,
     folder: Path | None,
-    known: dict[str, Source],
 ) -> Job:
     def target(path: Path | None, ending: str) -> Path | None:
         return path / f"{name}{ending}" if path is not None and os.path.isdir(path) else path
@@ -195,8 +193,7 @@ def _job(
     calibration = target(options.output, ".calibration.json")
     assert calibration is not None  # the option is required
     pictures = target(options.picture, ".png"), target(options.report, ".report.json")
-    before = None if options.again else known.get(calibration.name)
-    return Job(name, plan, mesh, calibration, *pictures, robot, folder, before)
+    return Job(name, plan, mesh, calibration, *pictures, robot, folder, options.again)
 
 
 def _carry_out(jobs: list[Job], processes: int) -> int:
@@ -209,8 +206,6 @@ def _carry_out(jobs: list[Job], processes: int) -> int:
             progress.clear()
             _report(outcome, f"{outcome.job.name}: " if len(jobs) > 1 else "")
             progress.show()
-            if outcome.job.folder and outcome.source:
-                save_source(outcome.job.folder, outcome.job.calibration.name, outcome.source)
     except KeyboardInterrupt:
         progress.clear()
         complain(f"interrupted after {len(done)} of {len(jobs)} links. The same call continues from here.")
