@@ -33,6 +33,8 @@ COMMANDS = {
     "touches": ("touches", "compare a calibration with measured touches"),
 }
 
+AUTHOR_PACKAGES = ("scipy", "trimesh")  # a controller is installed without them
+
 
 def main(argv: Sequence[str] | None = None, scene_plans: "ScenePlans | None" = None) -> int:
     """Run one command."""
@@ -65,6 +67,12 @@ def main(argv: Sequence[str] | None = None, scene_plans: "ScenePlans | None" = N
         return INTERRUPTED
     except MemoryError:
         complain("There is not enough memory. Close other programs, or reduce the size of the input.")
+        return WRONG_DATA
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package not in AUTHOR_PACKAGES:
+            raise
+        complain(f"this needs {package}, which is not installed here: pip install 'skin-calib[author]'")
         return WRONG_DATA
     except (OutputError, SkinCalibError) as error:
         complain(str(error))

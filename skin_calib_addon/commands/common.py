@@ -51,10 +51,12 @@ def check_target(target: Path | None, *others: Path | None) -> None:
 
 def check_kept(file: Path, *targets: Path | None) -> None:
     """Check that no output file of a call replaces what a file of the call names."""
-    from ..pipeline.sources import names_file  # it can read meshes and plans
-
     for target in targets:
-        if target is not None and names_file(file, target):
+        if target is None or not os.path.isfile(target):
+            continue
+        from ..pipeline.sources import names_file  # it can read meshes and plans
+
+        if names_file(file, target):
             raise OutputError(f"{target} would replace a file that {file} names. Choose another file.")
 
 

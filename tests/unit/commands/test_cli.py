@@ -438,6 +438,20 @@ def test_show_refuses_a_plan(folder, capsys):
     assert_refused(capsys, 1, "the file is the record of the sources of a calibration", "show", notes)
 
 
+def test_missing_package_of_authors_is_one_line(folder):
+    """A controller has NumPy only: it can check its calibration, and other commands state what to install."""
+    assert main(["fit", str(folder / "tube.plan.json"), "-o", str(folder)]) == 0
+    code = "import sys; sys.modules['scipy'] = None; from skin_calib_addon.cli import main; sys.exit(main())"
+
+    def without_scipy(*words):
+        done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, cwd=ROOT)
+        return done.returncode, done.stdout, done.stderr
+
+    assert without_scipy("check", folder / "tube.calibration.json")[::2] == (0, "")
+    words = "skin-calib: this needs scipy, which is not installed here: pip install 'skin-calib[author]'\n"
+    assert without_scipy("fit", folder / "tube.plan.json", "-o", folder) == (1, "", words)
+
+
 def test_show_prints_a_table_and_draws(folder, capsys):
     """Link, mesh, surface with errors, patches with channels and strain; a PNG file if requested."""
     main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "out.json")])
