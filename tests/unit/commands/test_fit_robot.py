@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -186,6 +187,20 @@ def test_calibration_that_was_changed_is_kept(robot, capsys):
         in capsys.readouterr().err
     )
     assert path.read_bytes() != kept
+
+
+def test_check_trusts_the_record_of_unchanged_bytes_only(robot, capsys, monkeypatch):
+    """A calibration that was changed after its fit is compared with the geometry of the mesh."""
+    fit(robot)
+    path = robot / "out" / "leg.calibration.json"
+    with monkeypatch.context() as patch:
+        patch.setattr(sources, "read_mesh", lambda path: [][1])  # not needed
+        assert main(["check", str(path)]) == 0
+    assert "leg.ply is unchanged" in capsys.readouterr().out
+    calibration = load_calibration(path)
+    save_calibration(replace(calibration, mesh=replace(calibration.mesh, sha256="0" * 64)), path)
+    assert main(["check", str(path)]) == 0
+    assert "/mesh/sha256 differs from that of" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
