@@ -21,8 +21,8 @@ MAX_UNCOUNTED = 10  # findings without a count by code. Larger: longer lists wit
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "The mesh of a calibration is searched at the path in its record, which fit writes next to it, and in the "
-        "folder of the calibration."
+        "The mesh of NAME.calibration.json is searched at the path in NAME.sources.json, which fit writes next to it, "
+        "and in the folder of the calibration."
     )
     parser.add_argument(
         "files",
