@@ -472,6 +472,7 @@ def test_sources_of_a_folder_are_understood(robot, capsys, version):
     assert noted(robot) == {"leg"}
 
 
+@pytest.mark.slow
 def test_processes_fit_one_folder_at_the_same_time(robot, capsys):
     """As make or a scheduler start them: each plan in a process of its own. No record and no link is lost."""
     command = [sys.executable, "-m", "skin_calib_addon", "fit", "-o", str(robot / "out")]
