@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
@@ -192,6 +192,15 @@ def _used_twice(robot: RobotSet, calibrations: dict[str, LinkCalibration]) -> It
             yield warning("duplicate-id", child("", "links", k), message)
         channels.update(dict.fromkeys(own_channels, link.link))
         ids.update(dict.fromkeys(own_ids, link.link))
+
+
+def same_link(links: Mapping[str, str]) -> str:
+    """Return a clause that names two calibrations of one link; empty if each link has one."""
+    files: dict[str, str] = {}
+    for file, link in links.items():
+        if (other := files.setdefault(link, file)) != file:
+            return f"{other} and {file} are of the same link {show(link)}"
+    return ""
 
 
 def robot_link(folder: Path, name: str) -> RobotLink:

@@ -23,7 +23,7 @@ CALIBRATION_VERSION = 2  # Format: version of calibration files
 FILE_FORMATS = {
     FORMAT: "a calibration. Use the plan from which it was made.",
     "skin-plan": "a plan. Fit it, and use the resulting calibration.",
-    "skin-sources": "a list of the sources of calibrations, which fit writes. Use a calibration from the same folder.",
+    "skin-sources": "the record of the sources of a calibration, which fit writes. Use the calibration next to it.",
 }
 SCHEMA = read_schema(Path(__file__).with_name("schema.json"))
 

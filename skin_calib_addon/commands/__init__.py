@@ -1,1 +1,1 @@
-"""Commands of the command line: ``add`` defines the arguments, ``run`` executes the command, returns the exit code."""
+"""Commands of the command line: ``add`` defines the arguments of a parser, ``run`` returns the exit code."""

@@ -9,39 +9,31 @@ from typing import Any
 
 from ..calibration import robot_set
 from ..calibration.file import check_bytes
+from ..calibration.source_record import changed_inputs, find_mesh, is_as_recorded, is_of_fits, lost_plan
 from ..common.errors import CalibrationFormatError, OutputError, SkinCalibError, counted
-from ..common.findings import Finding, did_you_mean, error, printable, show, warning
+from ..common.findings import Finding, printable, warning
 from ..common.strict_json import parse, read
-from ..pipeline.robot_folder import same_link
-from ..pipeline.sources import FILE as SOURCES
-from ..pipeline.sources import changed_inputs, find_mesh, is_same_mesh, lost_plan
-from ..plan import FORMAT, check_plan_wholly, load_plan
-from ..proposal.links import plan_warnings
-from ..robot.link_mesh import is_urdf, plan_mesh_files
-from ..robot.urdf import read_robot
 from .common import DONE, WRONG_DATA, complain, named_path, say
 
+PLAN_FORMAT = "skin-plan"  # as in plan/keys, which needs more packages than the check of a calibration
 MAX_UNCOUNTED = 10  # findings without a count by code. Larger: longer lists without a count.
 
 
-def add(commands) -> None:
-    check = commands.add_parser(
-        "check",
-        help="validate calibrations and plans, and compare calibrations with their meshes",
-        description="The mesh of a calibration is searched at the path in sources.json, which fit writes to the same "
-        "folder, and in the folder of the calibration.",
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "The mesh of NAME.calibration.json is searched at the path in NAME.sources.json, which fit writes next to it, "
+        "and in the folder of the calibration."
     )
-    check.add_argument(
+    parser.add_argument(
         "files",
         nargs="+",
         type=named_path,
         metavar="FILE",
         help="file, or folder of *.calibration.json, *.plan.json and robot.json",
     )
-    check.add_argument(
+    parser.add_argument(
         "--mesh", type=named_path, metavar="MESH", help="mesh of the calibration; only for a single file"
     )
-    check.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -71,13 +63,14 @@ def _check_one(path: Path, mesh: Path | None) -> int:
     notes: list[str] = []
     document, findings = parse(data)
     format = document.get("format") if isinstance(document, dict) else None
-    if mesh is not None and format in (FORMAT, robot_set.FORMAT):
+    if mesh is not None and format in (PLAN_FORMAT, robot_set.FORMAT):
         complain(f"warning: --mesh is for a calibration, and {path} is none: {mesh} was not compared")
-    if format == FORMAT:
-        findings = tuple(findings) or check_plan_wholly(document)
-        findings = findings or tuple(_plan_warnings(path, document))
+    if format == PLAN_FORMAT:
+        from .check_authoring import plan_findings
+
+        findings = tuple(findings) or plan_findings(path, document)
     elif format == robot_set.FORMAT:
-        findings = tuple(findings) or robot_set.check_robot_document(document) or tuple(_check_robot(path))
+        findings = tuple(findings) or robot_set.check_robot_document(document) or tuple(_robot_findings(path))
     else:
         document, findings = check_bytes(data)
         if not any(finding.severity == "error" for finding in findings):
@@ -96,60 +89,32 @@ def _check_one(path: Path, mesh: Path | None) -> int:
 
 def _check_folder(folder: Path) -> None:
     """Warn of a folder whose calibrations ``fit`` has written without ``robot.json``, for example after Ctrl+C."""
-    if os.path.isfile(folder / SOURCES) and not os.path.lexists(folder / robot_set.FILE):
+    if is_of_fits(folder) and not os.path.lexists(folder / robot_set.FILE):
         found = {path.name: robot_set.link_of(path) for path in sorted(folder.glob("*.calibration.json"))}
         links = {name: link for name, link in found.items() if link is not None}
         why = "fit into this folder again, which writes it"
-        if both := same_link(links):
+        if both := robot_set.same_link(links):
             why = f"fit writes none, because {both}"
         if links:
             say(str(warning("no-robot", robot_set.FILE, f"is missing, and the links are no robot without it: {why}")))
             say(f"{folder / robot_set.FILE}: 0 errors, 1 warning")
 
 
-def _check_robot(path: Path) -> Iterator[Finding]:
+def _robot_findings(path: Path) -> Iterator[Finding]:
     """Yield the problems of the links of a robot together, and those of its URDF."""
-    robot = robot_set.load_robot_set(path)
-    yield from robot_set.calibrations_of(robot, path.parent)[1]
-    yield from robot_set.unlisted(robot, path.parent)
-    of_urdf = tuple(robot_set.changed_urdf(robot, path.parent))
+    robot, folder = robot_set.load_robot_set(path), path.parent
+    yield from robot_set.calibrations_of(robot, folder)[1]
+    yield from robot_set.unlisted(robot, folder)
+    of_urdf = tuple(robot_set.changed_urdf(robot, folder))
     yield from of_urdf
-    if robot.urdf is None or any(finding.code == "no-urdf" for finding in of_urdf):
-        return
-    try:
-        content = read_robot(path.parent / robot.urdf.file)
-    except CalibrationFormatError as problem:
-        yield error("invalid", "/urdf/file", f"cannot be read: {problem}", robot.urdf.file)
-        return
-    for k, link in enumerate(robot.links):
-        parent = content.parents.get(link.link)
-        if link.link not in content.links:
-            message = f"({show(link.link)}) is not in {robot.urdf.file}{did_you_mean(link.link, content.links)}"
-            yield error("unknown-link", f"/links/{k}/link", message, link.link)
-        elif link.parent != parent:
-            message = f"({show(link.parent)}) does not carry {show(link.link)} in the URDF; write {show(parent)}"
-            yield error("parent", f"/links/{k}/parent", message, link.parent)
+    if robot.urdf and not any(finding.code == "no-urdf" for finding in of_urdf):
+        from .check_authoring import urdf_findings
+
+        yield from urdf_findings(robot, robot.urdf, folder)
 
 
 def _taxels(document: dict[str, Any]) -> int:
     return sum(len(patch["taxels"]["id"]) for patch in document["patches"])
-
-
-def _plan_warnings(path: Path, document: dict[str, Any]) -> Iterator[Finding]:
-    """Yield a warning for each missing file of a plan, and for each one of its proposal."""
-    if not os.path.isfile(path.parent / document["mesh"]):
-        yield warning("no-mesh", "/mesh", "does not exist; paths are relative to the folder of the plan")
-    elif is_urdf(Path(document["mesh"])):
-        try:
-            plan_mesh_files(load_plan(path))
-        except SkinCalibError as problem:
-            yield warning("no-mesh", "/mesh", f"has no mesh for the link: {problem}")
-    for sentence in plan_warnings(path):
-        yield warning("proposal", "/x_proposal", f"warns: {sentence}")
-    for k, skin in enumerate(document["skins"]):
-        if skin["kind"] == "imported" and not os.path.isfile(path.parent / skin["file"]):
-            message = "does not exist; paths are relative to the folder of the plan"
-            yield warning("no-taxels", f"/skins/{k}/file", message, skin["file"])
 
 
 def _compare(path: Path, link: str, mesh: dict[str, Any], named: Path | None) -> tuple[list[Finding], str]:
@@ -170,6 +135,10 @@ def _compare(path: Path, link: str, mesh: dict[str, Any], named: Path | None) ->
     if found is None:
         return plans, f"mesh {mesh['file']} not found and not compared: specify it with --mesh"
     shown = os.path.normpath(found)
+    if named is None and is_as_recorded(path):
+        return plans, f"mesh {shown} is unchanged"
+    from .check_authoring import is_same_mesh
+
     try:
         if is_same_mesh(found, mesh["sha256"], link):
             return plans, f"mesh {shown} is unchanged"

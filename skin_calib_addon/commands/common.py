@@ -6,13 +6,14 @@ import os.path
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ..calibration.exchange import FORMATS
 from ..common.atomic_file import is_same_file
 from ..common.errors import OutputError
 from ..common.findings import printable
-from ..common.warnings import Warning
-from ..pipeline.sources import names_file
+
+if TYPE_CHECKING:  # it needs NumPy, and --help does not
+    from ..common.warnings import Warning
 
 DONE = 0  # Contract: exit code
 WRONG_DATA = 1  # Contract: exit code if a file or its content cannot be used
@@ -32,7 +33,7 @@ def complain(message: str) -> None:
     print("skin-calib:", printable(" ".join(message.splitlines())), file=sys.stderr)
 
 
-def warn(warnings: Iterable[Warning], which: str = "") -> None:
+def warn(warnings: "Iterable[Warning]", which: str = "") -> None:
     """Print each warning with its severity on one line of stderr."""
     for warning in warnings:
         complain(f"{which}{warning.severity}: {warning}")
@@ -51,7 +52,11 @@ def check_target(target: Path | None, *others: Path | None) -> None:
 def check_kept(file: Path, *targets: Path | None) -> None:
     """Check that no output file of a call replaces what a file of the call names."""
     for target in targets:
-        if target is not None and names_file(file, target):
+        if target is None or not os.path.isfile(target):
+            continue
+        from ..pipeline.sources import names_file  # it can read meshes and plans
+
+        if names_file(file, target):
             raise OutputError(f"{target} would replace a file that {file} names. Choose another file.")
 
 
@@ -101,8 +106,3 @@ def newtons(text: str) -> float:
     if not 0 < force < math.inf:
         raise argparse.ArgumentTypeError(f"{text!r} is not a positive force in newtons")
     return force
-
-
-def listed(formats: Iterable[str]) -> str:
-    """Return a line for each format, for ``--help``."""
-    return "\n".join(("formats:", *(f"  {name:13} {FORMATS[name].what} ({FORMATS[name].ending})" for name in formats)))

@@ -5,7 +5,7 @@ import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from ..calibration.exchange import FORMATS, WRITABLE, only_patches
+from ..calibration.exchange import FORMATS, WRITABLE, listed, only_patches
 from ..calibration.file import load_calibration
 from ..calibration.model import LinkCalibration
 from ..calibration.robot_set import FILE, calibrations_of, changed_urdf, is_robot, load_robot_set, robot_file, unlisted
@@ -22,7 +22,6 @@ from .common import (
     check_target,
     complain,
     file_name,
-    listed,
     named_path,
     say,
 )
@@ -30,22 +29,17 @@ from .common import (
 ROBOT_FORMAT = "mjcf"  # the format of a whole robot
 
 
-def add(commands) -> None:
-    export = commands.add_parser(
-        "export",
-        help="write the taxels of a calibration for another program",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog=listed(WRITABLE),
-    )
-    export.add_argument(
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = listed(WRITABLE)
+    parser.add_argument(
         "file", type=named_path, metavar="FILE", help="calibration file; robot.json, or its folder, as mjcf"
     )
-    export.add_argument("--to", required=True, choices=WRITABLE, metavar="FORMAT", help="one of the formats below")
-    export.add_argument("-o", "--output", required=True, type=file_name, metavar="OUT", help="file to write")
-    export.add_argument(
+    parser.add_argument("--to", required=True, choices=WRITABLE, metavar="FORMAT", help="one of the formats below")
+    parser.add_argument("-o", "--output", required=True, type=file_name, metavar="OUT", help="file to write")
+    parser.add_argument(
         "--patch", action="append", default=[], metavar="NAME", help="write only this patch; can be repeated"
     )
-    export.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

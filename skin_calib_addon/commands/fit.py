@@ -4,16 +4,16 @@ import argparse
 import os.path
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..calibration.robot_set import FILE
+from ..calibration.source_record import lost_plan
 from ..common.atomic_file import make_folder
 from ..common.errors import CalibrationFormatError, InvalidPlan, OutputError, SkinCalibError, counted
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline.robot_folder import save_robot
-from ..pipeline.sources import Source, load_sources, lost_plan, save_source
 from ..plan import Plan
 from ..proposal.links import Fitted
 from ..robot.link_mesh import is_urdf
@@ -40,40 +40,59 @@ from .propose import add_options, propose
 ScenePlans = Callable[[], Sequence[tuple[Plan, TriangleMesh]]]
 
 
-def add(commands, scene_plans: ScenePlans | None) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
     """Define the command."""
-    fit = commands.add_parser(
-        "fit",
-        help="calculate calibration files from plans",
-        description="OUT is a folder if it exists as one, or ends with a slash. For a folder, a URDF or several plans, "
+    parser.description = (
+        "OUT is a folder if it exists as one, or ends with a slash. For a folder, a URDF or several plans, "
         "a name without an ending is a folder, too. It is created. Calibrations in it that are up to date (same plan, "
-        "mesh, taxel files and program) are not fitted again. An error of one link does not stop the others.",
+        "mesh, taxel files and program) are not fitted again. An error of one link does not stop the others."
     )
-    fit.add_argument(
+    parser.add_argument(
         "plans",
-        nargs="*" if scene_plans else "+",
+        nargs="*" if parser.get_default("scene_plans") else "+",
         type=named_path,
         metavar="PLAN",
         help="plan file; folder of *.plan.json; or URDF: fit the plans in its folder and compare them with it",
     )
-    fit.add_argument("-o", "--output", required=True, type=not_empty, metavar="OUT", help="calibration file, or folder")
-    fit.add_argument(
+    parser.add_argument(
+        "-o", "--output", required=True, type=not_empty, metavar="OUT", help="calibration file, or folder"
+    )
+    parser.add_argument(
         "--picture", type=not_empty, metavar="PNG", help="picture of surface, errors and taxels; or folder"
     )
-    fit.add_argument("--report", type=not_empty, metavar="JSON", help="report of errors and times; or folder")
-    fit.add_argument("--again", action="store_true", help="also fit calibrations that are up to date")
-    fit.add_argument(
+    parser.add_argument("--report", type=not_empty, metavar="JSON", help="report of errors and times; or folder")
+    parser.add_argument("--again", action="store_true", help="also fit calibrations that are up to date")
+    parser.add_argument(
         "--propose",
         action="store_true",
         help="PLAN is a URDF or a mesh: propose plans first, and write them to the folder OUT, see propose",
     )
-    add_options(fit)
-    fit.set_defaults(run=run, scene_plans=scene_plans, refuse=fit.error)
+    add_options(parser)
+
+
+@dataclass(frozen=True)
+class Links:
+    """The links that a call fits."""
+
+    plans: Sequence[tuple[Plan | Path, TriangleMesh | None]]  # a plan of a scene comes with its mesh
+    urdf: Path | None = None
+    fitted: Mapping[Path, Fitted | None] = field(default_factory=dict)  # plans just proposed, and their calibrations
+    code: int = DONE  # of the proposal
+
+    @property
+    def names(self) -> list[str]:
+        """Return the name of each link, from which the names of its files are made."""
+        return [
+            p.name.removesuffix(".json").removesuffix(".plan") if isinstance(p, Path) else p.link for p, _ in self.plans
+        ]
+
+    @property
+    def files(self) -> list[Path]:
+        """Return the files of the plans."""
+        return [plan for plan, _ in self.plans if isinstance(plan, Path)]
 
 
 def run(options: argparse.Namespace) -> int:
-    given = [options.output, options.picture, options.report]
-    with_slash = {Path(text) for text in given if text and names_folder(text)}
     of_proposals = {
         "--skin": options.skin,
         "--only": options.only,
@@ -83,68 +102,88 @@ def run(options: argparse.Namespace) -> int:
     for option, value in of_proposals.items():
         if value is not None and not options.propose:
             options.refuse(f"{option} needs --propose: it is about the plans that are proposed")
-    options.output, options.picture, options.report = (None if text is None else Path(text) for text in given)
-    has_folder = (
-        options.propose or len(options.plans) > 1 or any(os.path.isdir(path) or is_urdf(path) for path in options.plans)
-    )
-    proposed = DONE
-    fitted: dict[Path, Fitted | None] = {}
+    links = _links(options)
+    if options.propose and not links.plans:
+        return max(links.code, WRONG_DATA)
+    if not links.plans:
+        raise SkinCalibError(
+            "The scene has no link to fit. Give an object a link name in the Skin tab, or specify a plan."
+        )
+    robot = read_robot(links.urdf) if links.urdf else None
+    output, picture, report = _targets(options, links)
+    folder = output if links.files and os.path.isdir(output) else None
+    jobs = []
+    for name, (plan, mesh) in zip(links.names, links.plans):
+        files = (
+            _inside(output, f"{name}.calibration.json"),
+            picture and _inside(picture, f"{name}.png"),
+            report and _inside(report, f"{name}.report.json"),
+        )
+        # The summary of a single fit needs more than its calibration.
+        fitted = links.fitted.get(plan) if isinstance(plan, Path) and len(links.plans) > 1 else None
+        jobs.append(Job(name, plan, mesh, *files, robot, folder, options.again, fitted))
+    # Blender's program cannot be started again as a plain Python
+    code = _carry_out(jobs, 1 if options.scene_plans else options.jobs)
+    if folder and code != INTERRUPTED:
+        code = max(code, _write_robot(folder, robot, links.urdf))
+    return max(code, links.code)
+
+
+def _links(options: argparse.Namespace) -> Links:
+    """Return the links of a call: of a proposal, of plan files, or of the open scene."""
     if options.propose:
         if len(options.plans) != 1:
             raise InvalidPlan("--propose needs one URDF or one mesh. Specify it instead of plans.")
         options.file = options.plans[0]
         # Pictures and reports need more than the calibration.
         keeps_fits = options.picture is None and options.report is None
-        fitted, proposed = propose(options, options.output, options.again, keeps_fits)
-        options.plans = list(fitted)
-        if not options.plans:
-            return max(proposed, WRONG_DATA)
-    robot: Robot | None = None
-    files: list[Path] = []
-    urdf: Path | None = None
+        fitted, code = propose(options, Path(options.output), options.again, keeps_fits)
+        return Links([(path, None) for path in fitted], options.file if is_urdf(options.file) else None, fitted, code)
     if options.plans:
-        files, urdf = (options.plans, options.file) if options.propose else _plan_files(options.plans)
-        urdf = urdf if urdf and is_urdf(urdf) else None
-        robot = read_robot(urdf) if urdf else None
-        links = [(path.name.removesuffix(".json").removesuffix(".plan"), path, None) for path in files]
-    else:
-        links = [(plan.link, plan, mesh) for plan, mesh in (options.scene_plans() if options.scene_plans else ())]
-    if not links:
-        raise SkinCalibError(
-            "The scene has no link to fit. Give an object a link name in the Skin tab, or specify a plan."
-        )
-    inputs = (*files, urdf)
-    check_target(options.output, *inputs)
-    check_target(options.picture, *inputs, options.output)
-    check_target(options.report, *inputs, options.output, options.picture)
-    names = [name for name, _, _ in links]
-    targets = [path for path in (options.output, options.picture, options.report) if path is not None]
-    folders = _folders(targets, with_slash, has_folder, len(links))
-    check_picture(None if options.picture in folders else options.picture)
-    if len(set(names)) < len(names):
-        raise OutputError(
-            f"Two plans have the name {next(n for n in names if names.count(n) > 1)!r}. Rename one of them."
-        )
+        files, urdf = _plan_files(options.plans)
+        return Links([(path, None) for path in files], urdf)
+    return Links(options.scene_plans() if options.scene_plans else ())
+
+
+def _targets(options: argparse.Namespace, links: Links) -> tuple[Path, Path | None, Path | None]:
+    """Check and return the paths of calibrations, pictures and reports; create those that have to be folders."""
+    given = [options.output, options.picture, options.report]
+    output, picture, report = paths = [None if text is None else Path(text) for text in given]
+    inputs = (*links.files, links.urdf)
+    for k, path in enumerate(paths):
+        check_target(path, *inputs, *paths[:k])
+    with_slash = {Path(text) for text in given if text and names_folder(text)}
+    has_folder = (
+        options.propose or len(options.plans) > 1 or any(os.path.isdir(path) or is_urdf(path) for path in options.plans)
+    )
+    folders = _folders([path for path in paths if path is not None], with_slash, has_folder, len(links.plans))
+    check_picture(None if picture in folders else picture)
+    twice = [name for name, count in Counter(links.names).items() if count > 1]
+    if twice:
+        raise OutputError(f"Two plans have the name {twice[0]!r}. Rename one of them.")
     for path in folders:
         make_folder(path)
-    folder = options.output if options.plans and os.path.isdir(options.output) else None
-    known = load_sources(folder) if folder else {}
-    jobs = [_job(options, name, plan, mesh, robot, folder, known) for name, plan, mesh in links]
-    if len(jobs) > 1:  # also the summary of a single fit needs more
-        jobs = [replace(job, fitted=fitted.get(job.plan)) if isinstance(job.plan, Path) else job for job in jobs]
-    # Blender's program cannot be started again as a plain Python
-    code = _carry_out(jobs, 1 if options.scene_plans else options.jobs)
-    if folder and code != INTERRUPTED:
-        try:
-            if why := save_robot(folder, robot, urdf):
-                complain(f"warning: {why}")
-            for path in sorted(folder.glob("*.calibration.json")):
-                if plan := lost_plan(path):
-                    complain(f"warning: {path.name} stays in {FILE}, but its plan {plan} is missing. Remove it.")
-        except CalibrationFormatError as problem:
-            complain(f"{FILE} is not up to date: {problem}")
-            code = max(code, WRONG_DATA)
-    return max(code, proposed)
+    assert output is not None  # the option is required
+    return output, picture, report
+
+
+def _inside(path: Path, name: str) -> Path:
+    """Return the file of a link: a path itself, or a name in it if it is a folder."""
+    return path / name if os.path.isdir(path) else path
+
+
+def _write_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> int:
+    """Write ``robot.json``, and return the exit code; print what is wrong with the calibrations together."""
+    try:
+        if why := save_robot(folder, robot, urdf):
+            complain(f"warning: {why}")
+        for path in sorted(folder.glob("*.calibration.json")):
+            if plan := lost_plan(path):
+                complain(f"warning: {path.name} stays in {FILE}, but its plan {plan} is missing. Remove it.")
+    except CalibrationFormatError as problem:
+        complain(f"{FILE} is not up to date: {problem}")
+        return WRONG_DATA
+    return DONE
 
 
 def _plan_files(named: Iterable[Path]) -> tuple[list[Path], Path | None]:
@@ -181,25 +220,6 @@ def _folders(targets: list[Path], with_slash: set[Path], has_folder: bool, links
     return folders
 
 
-def _job(
-    options: argparse.Namespace,
-    name: str,
-    plan: Plan | Path,
-    mesh: TriangleMesh | None,
-    robot: Robot | None,
-    folder: Path | None,
-    known: dict[str, Source],
-) -> Job:
-    def target(path: Path | None, ending: str) -> Path | None:
-        return path / f"{name}{ending}" if path is not None and os.path.isdir(path) else path
-
-    calibration = target(options.output, ".calibration.json")
-    assert calibration is not None  # the option is required
-    pictures = target(options.picture, ".png"), target(options.report, ".report.json")
-    before = None if options.again else known.get(calibration.name)
-    return Job(name, plan, mesh, calibration, *pictures, robot, folder, before)
-
-
 def _carry_out(jobs: list[Job], processes: int) -> int:
     done: dict[str, Outcome] = {}
     progress = Progress(len(jobs))
@@ -210,8 +230,6 @@ def _carry_out(jobs: list[Job], processes: int) -> int:
             progress.clear()
             _report(outcome, f"{outcome.job.name}: " if len(jobs) > 1 else "")
             progress.show()
-            if outcome.job.folder and outcome.source:
-                save_source(outcome.job.folder, outcome.job.calibration.name, outcome.source)
     except KeyboardInterrupt:
         progress.clear()
         complain(f"interrupted after {len(done)} of {len(jobs)} links. The same call continues from here.")

@@ -11,13 +11,14 @@ from typing import Literal
 
 from ..calibration.file import load_calibration, save_calibration
 from ..calibration.model import LinkCalibration
+from ..calibration.source_record import Source, load_source, save_source
 from ..common.atomic_file import write_bytes_safely
 from ..common.errors import CalibrationFormatError, OutputError, SkinCalibError
 from ..common.warnings import Warning
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline import Calibrated, calibrate
 from ..pipeline.report import report_document, summary
-from ..pipeline.sources import Source, add_outputs, input_files, is_current, source_of
+from ..pipeline.sources import add_outputs, input_files, is_current, source_of
 from ..plan import Plan, load_plan
 from ..proposal.links import Fitted
 from ..robot.link_mesh import load_plan_mesh
@@ -44,8 +45,8 @@ class Job:
     picture: Path | None = None
     report: Path | None = None
     robot: Robot | None = None
-    folder: Path | None = None  # folder of sources.json; None without record
-    before: Source | None = None  # the existing record
+    folder: Path | None = None  # whose calibrations have records and robot.json; None without
+    again: bool = False  # whether a calibration that is up to date is fitted, too
     fitted: Fitted | None = None  # the plan as it was proposed, and its calibration
 
     @property
@@ -64,7 +65,6 @@ class Outcome:
     warnings: tuple[Warning, ...] = ()
     taxels: int = 0
     mean: float = 0.0  # distance from surface to mesh [m]
-    source: Source | None = None
     trace: str = ""  # traceback of an unexpected error
     unwritable: bool = False  # whether an output cannot be written
 
@@ -100,12 +100,13 @@ def fit_one(job: Job) -> Outcome:
                 check_target(output, *input_files(plan))
         warnings = compare(job.robot, plan) if job.robot else ()
         source = source_of(job.plan, plan, job.folder) if job.folder and isinstance(job.plan, Path) else None
-        if source and job.before and job.folder:
-            if is_current(source, job.before, job.folder, job.outputs):
-                return _unchanged(job, "up to date", job.before, warnings)
-            edited = _edited(job)
-            if edited and edited.link == plan.link and is_current(source, job.before, job.folder, []):
-                return _unchanged(job, "kept", job.before, warnings)
+        before = load_source(job.calibration) if source and not job.again else None
+        if source and before and job.folder:
+            if is_current(source, before, job.folder, job.outputs):
+                return _unchanged(job, "up to date", before, warnings)
+            edited = _edited(job.calibration, before)
+            if edited and edited.link == plan.link and is_current(source, before, job.folder, []):
+                return _unchanged(job, "kept", before, warnings)
             warnings += (EDITED,) if edited else ()
         calibration = _known(job.fitted, plan) if job.fitted else None
         if job.fitted and calibration:
@@ -118,12 +119,13 @@ def fit_one(job: Job) -> Outcome:
                 write_bytes_safely(job.report, (json.dumps(report_document(result), indent=2) + "\n").encode())
             calibration, mean, text = result.calibration, result.mean, summary(result, job.calibration)
         save_calibration(calibration, job.calibration)
+        taxels, found = sum(len(patch.taxels.ids) for patch in calibration.patches), calibration.warnings
+        if source and job.folder:
+            numbers = {"taxels": taxels, "mean": mean, "warnings": found}
+            save_source(job.calibration, add_outputs(source, job.folder, job.outputs, **numbers))
     except SkinCalibError as error:
         return Outcome(job, "failed", str(error), unwritable=isinstance(error, OutputError))
-    taxels, found = sum(len(patch.taxels.ids) for patch in calibration.patches), calibration.warnings
-    if source and job.folder:
-        source = add_outputs(source, job.folder, job.outputs, taxels=taxels, mean=mean, warnings=found)
-    return Outcome(job, "fitted", text, warnings + found, taxels, mean, source)
+    return Outcome(job, "fitted", text, warnings + found, taxels, mean)
 
 
 def _known(fitted: Fitted, plan: Plan) -> LinkCalibration | None:
@@ -141,15 +143,13 @@ def _unchanged(
     return Outcome(job, state, text, warnings + source.warnings, source.taxels, source.mean)
 
 
-def _edited(job: Job) -> LinkCalibration | None:
-    """Return the calibration if it is valid, but was changed after its fit, for example by ``response``."""
-    if not job.before or not job.folder or not os.path.isfile(job.calibration):
-        return None
-    name = job.calibration.name
-    if job.before.has_files(job.folder, {name: job.before.outputs.get(name, "")}):
+def _edited(calibration: Path, before: Source) -> LinkCalibration | None:
+    """Return a calibration if it is valid, but was changed after its fit, for example by ``response``."""
+    known = before.outputs.get(calibration.name, "")
+    if not os.path.isfile(calibration) or before.has_files(calibration.parent, {calibration.name: known}):
         return None
     try:
-        return load_calibration(job.calibration)
+        return load_calibration(calibration)
     except CalibrationFormatError:
         return None
 

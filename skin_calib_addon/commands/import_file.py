@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from ..calibration.exchange import READABLE, read_taxels, write_taxel_set
+from ..calibration.exchange import READABLE, listed, read_taxels, write_taxel_set
 from ..calibration.file import save_calibration
 from ..common.atomic_file import write_bytes_safely
 from ..common.errors import InvalidPlan
@@ -12,35 +12,32 @@ from ..pipeline import calibrate
 from ..pipeline.report import summary
 from ..plan import Plan, check_frame, check_plan, load_plan, plan_document, plan_from
 from ..skin.imported import placed
-from .common import DONE, check_kept, check_target, complain, file_name, listed, named_path, say, warn
+from .common import DONE, check_kept, check_target, complain, file_name, named_path, say, warn
 
 
-def add(commands) -> None:
-    importing = commands.add_parser(
-        "import",
-        help="read the taxels of a file of another program",
-        description="Without --plan, OUT is a table (CSV) of the unchanged taxels, for an imported skin in a plan. "
-        "With --plan, OUT is a calibration: the taxels are placed on the link as its only skin.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog=listed(READABLE),
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Without --plan, OUT is a table (CSV) of the unchanged taxels, for an imported skin in a plan. "
+        "With --plan, OUT is a calibration: the taxels are placed on the link as its only skin."
     )
-    importing.add_argument("file", type=named_path, metavar="FILE", help="taxel file of another program")
-    importing.add_argument(
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = listed(READABLE)
+    parser.add_argument("file", type=named_path, metavar="FILE", help="taxel file of another program")
+    parser.add_argument(
         "--from", dest="format", choices=READABLE, metavar="FORMAT", help="one of the formats below (default: detected)"
     )
-    importing.add_argument("-o", "--output", required=True, type=file_name, metavar="OUT", help="table, or calibration")
-    importing.add_argument(
+    parser.add_argument("-o", "--output", required=True, type=file_name, metavar="OUT", help="table, or calibration")
+    parser.add_argument(
         "--only", metavar="PATTERN", help="read only taxels whose label matches, as in 'l_forearm_skin_*'"
     )
-    importing.add_argument(
+    parser.add_argument(
         "--frame",
         type=_frame,
         metavar="JSON",
         help='{"rotation", "translation"} from the frame of the file to the link frame',
     )
-    importing.add_argument("--plan", type=named_path, metavar="PLAN", help="plan of the link of the taxels")
-    importing.add_argument("--name", metavar="NAME", help="name of the patch (default: name of the file); needs --plan")
-    importing.set_defaults(run=run, refuse=importing.error)
+    parser.add_argument("--plan", type=named_path, metavar="PLAN", help="plan of the link of the taxels")
+    parser.add_argument("--name", metavar="NAME", help="name of the patch (default: name of the file); needs --plan")
 
 
 def run(options: argparse.Namespace) -> int:

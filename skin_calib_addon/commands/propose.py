@@ -35,21 +35,16 @@ from .worker_processes import run_tasks
 NO_MESH = "it has no visual mesh. Shapes for collisions, boxes, cylinders, spheres and capsules carry no skin."
 
 
-def add(commands) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
     """Define the command."""
-    propose = commands.add_parser(
-        "propose",
-        help="propose a plan for each link of a robot, or for one mesh",
-        description="A plan has the surfaces that cover what can be seen from outside and what no other link covers, "
-        "and skins on them. Each plan states the reasons for its choices, under x_proposal.",
+    parser.description = (
+        "A plan has the surfaces that cover what can be seen from outside and what no other link covers, "
+        "and skins on them. Each plan states the reasons for its choices, under x_proposal."
     )
-    propose.add_argument("file", type=named_path, metavar="FILE", help="URDF of the robot, or a mesh")
-    propose.add_argument(
-        "-o", "--output", required=True, type=named_path, metavar="FOLDER", help="folder for the plans"
-    )
-    propose.add_argument("--again", action="store_true", help="also replace plans that exist")
-    add_options(propose)
-    propose.set_defaults(run=run)
+    parser.add_argument("file", type=named_path, metavar="FILE", help="URDF of the robot, or a mesh")
+    parser.add_argument("-o", "--output", required=True, type=named_path, metavar="FOLDER", help="folder for the plans")
+    parser.add_argument("--again", action="store_true", help="also replace plans that exist")
+    add_options(parser)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -106,55 +101,66 @@ def propose(
     kept = {task.link for task in tasks if not again and os.path.lexists(plan_path(folder, task.link))}
     done: dict[str, Outcome] = {}
     try:
-        for outcome in _outcomes([task for task in tasks if task.link not in kept], options.jobs):
-            done[outcome.task.link] = outcome
+        for finished in _outcomes([task for task in tasks if task.link not in kept], options.jobs):
+            done[finished.task.link] = finished
     finally:  # also after Ctrl+C: the next call continues
         found = [p for task in tasks if task.link in done and (p := done[task.link].proposal)]
-        former = {p.link: _set_aside(plan_path(folder, p.link)) for p in found if p.plan is None}
-        written = {plan_path(folder, p.link) for p in found}
-        ends = {path: _channel_after(path) for path in sorted(folder.glob("*.plan.json")) if path not in written}
-        _save(found, folder, max(filter(None, ends.values()), default=0))
+        former, ends = _save(found, folder)
     plans: dict[Path, Fitted | None] = {}
-    code = DONE
     lines: list[tuple[str, str]] = []
-    for task in tasks:
-        path = plan_path(folder, task.link)
-        if task.link in kept:
-            plans[path] = None
-            words = "" if ends[path] is not None else ". Its channels are not known before the fit"
-            lines.append((task.link, f"kept: its plan exists; --again replaces it{words}"))
-            lines += [(task.link, f"warning: {reason}") for reason in plan_warnings(path)]
-            continue
-        outcome = done[task.link]
-        proposal = outcome.proposal
-        if proposal is None:
-            complain(f"{task.link}: {outcome.problem}")
-            code = WRONG_DATA
-            lines.append((task.link, "failed"))
-        elif proposal.plan is None:
-            names = former[task.link]
-            words = f" Its earlier files have other names now: {', '.join(names)}." if names else ""
-            lines.append((task.link, f"no plan: {proposal.reasons[-1]}{words}"))
+    for link in links:
+        path = plan_path(folder, link)
+        outcome = done.get(link)
+        if outcome is None:
+            plans[path], words = None, _kept(path, ends[path])
         else:
-            plans[path] = outcome.fitted
-            lines.append((task.link, _numbers(proposal)))
-            lines += [(task.link, proposal.bare)] if proposal.bare else []
-            lines += [(task.link, f"warning: {words}") for words in proposal.warnings]
+            if outcome.proposal and outcome.proposal.plan:
+                plans[path] = outcome.fitted
+            words = _proposed(outcome, former.get(link, []))
+        lines += [(link, line) for line in words]
     lines += [(link, f"no plan: {NO_MESH}") for link in _links_with_other_shapes(options)]
     width = max(len(link) for link, _ in lines)
-    seen, free, covered, cells = (sum(getattr(p, name) for p in found) for name in ("seen", "free", "covered", "cells"))
-    total = f"{counted(len(tasks), 'link')}, {counted(len(plans), 'plan')}"
-    if free:
-        kept_words = "without those kept, " if kept else ""
-        total += (
-            f"; {kept_words}surfaces with skin cover {covered * 1e4:.0f} cm^2, {covered / free:.0%} of the free area "
-        )
-        total += f"and {covered / seen:.0%} of the area that can be seen; cells cover {cells * 1e4:.0f} cm^2"
+    total = f"{counted(len(tasks), 'link')}, {counted(len(plans), 'plan')}{_areas(found, bool(kept))}"
     say("\n".join((*(f"{link:{width}}  {words}" for link, words in lines), total)))
     robot = read_robot(options.file) if is_urdf(options.file) else None
     if warning := axis_warning(options.file, robot, links):
         complain(f"warning: {warning}")
-    return plans, code
+    failed = any(finished.proposal is None for finished in done.values())
+    return plans, WRONG_DATA if failed else DONE
+
+
+def _kept(path: Path, end: int | None) -> list[str]:
+    """Return the lines about a plan that exists, and the channel after its own; None if it is not known."""
+    words = "" if end is not None else ". Its channels are not known before the fit"
+    warnings = [f"warning: {reason}" for reason in plan_warnings(path)]
+    return [f"kept: its plan exists; --again replaces it{words}", *warnings]
+
+
+def _proposed(outcome: Outcome, former: Sequence[str]) -> list[str]:
+    """Return the lines about the proposal for a link, and the new names of its earlier files; complain of a failure."""
+    proposal = outcome.proposal
+    if proposal is None:
+        complain(f"{outcome.task.link}: {outcome.problem}")
+        return ["failed"]
+    if proposal.plan is None:
+        words = f" Its earlier files have other names now: {', '.join(former)}." if former else ""
+        return [f"no plan: {proposal.reasons[-1]}{words}"]
+    bare = [proposal.bare] if proposal.bare else []
+    return [_numbers(proposal), *bare, *(f"warning: {words}" for words in proposal.warnings)]
+
+
+def _areas(proposals: Sequence[Proposal], has_kept: bool) -> str:
+    """Return what proposals cover together, for the last line; empty if no area is free."""
+    seen, free, covered, cells = (
+        sum(getattr(p, name) for p in proposals) for name in ("seen", "free", "covered", "cells")
+    )
+    if not free:
+        return ""
+    return (
+        f"; {'without those kept, ' if has_kept else ''}surfaces with skin cover {covered * 1e4:.0f} cm^2, "
+        f"{covered / free:.0%} of the free area and {covered / seen:.0%} of the area that can be seen; "
+        f"cells cover {cells * 1e4:.0f} cm^2"
+    )
 
 
 def _set_aside(plan: Path) -> list[str]:
@@ -172,12 +178,21 @@ def _set_aside(plan: Path) -> list[str]:
     return names
 
 
-def _save(proposals: Sequence[Proposal], folder: Path, channel: int) -> None:
-    """Write the plans of proposals, whose channels start at a number and follow each other."""
+def _save(proposals: Sequence[Proposal], folder: Path) -> tuple[dict[str, list[str]], dict[Path, int | None]]:
+    """Write the plans of proposals; those of links that have none now are set aside.
+
+    Channels follow each other, after those of all plans that stay. Return the new names of the files of each link that
+    were set aside, and the channel after each plan that stays; None if it is not known.
+    """
+    former = {p.link: _set_aside(plan_path(folder, p.link)) for p in proposals if p.plan is None}
+    written = {plan_path(folder, p.link) for p in proposals}
+    ends = {path: _channel_after(path) for path in sorted(folder.glob("*.plan.json")) if path not in written}
+    channel = max(filter(None, ends.values()), default=0)
     for proposal in proposals:
         if proposal.plan:
             save_plan(named_from(numbered(proposal.plan, channel), folder), plan_path(folder, proposal.link))
             channel += proposal.channels
+    return former, ends
 
 
 def _channel_after(path: Path) -> int | None:

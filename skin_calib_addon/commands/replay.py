@@ -16,36 +16,34 @@ from .common import DONE, check_kept, check_picture, check_target, complain, cou
 LONG_STEP = 1.0  # between frames, above which the time may be in other units, such as nanoseconds [s]
 
 
-def add(commands) -> None:
-    replay = commands.add_parser("replay", help="process recorded readings with the runtime")
-    replay.add_argument("file", type=named_path, metavar="CALIBRATION", help="calibration file")
-    replay.add_argument("readings", type=named_path, metavar="READINGS", help="CSV or NPZ file with time and readings")
-    replay.add_argument(
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=named_path, metavar="CALIBRATION", help="calibration file")
+    parser.add_argument("readings", type=named_path, metavar="READINGS", help="CSV or NPZ file with time and readings")
+    parser.add_argument(
         "-o",
         "--output",
         type=file_name,
         metavar="OUT",
         help="contacts, CoP, ZMP and polygons as JSON, one line per frame",
     )
-    replay.add_argument("--picture", type=file_name, metavar="PNG", help="picture of contacts and polygons on the skin")
-    replay.add_argument(
+    parser.add_argument("--picture", type=file_name, metavar="PNG", help="picture of contacts and polygons on the skin")
+    parser.add_argument(
         "--tare", type=count, default=0, metavar="N", help="use the first N frames as readings at rest (default: 0)"
     )
-    replay.add_argument(
+    parser.add_argument(
         "--on",
         type=newtons,
         default=None,
         metavar="NEWTONS",
         help="a contact of a taxel begins at this force (default: the noise at rest decides)",
     )
-    replay.add_argument(
+    parser.add_argument(
         "--off",
         type=newtons,
         default=None,
         metavar="NEWTONS",
         help="a contact of a taxel ends below this force (default: half of --on)",
     )
-    replay.set_defaults(run=run, refuse=replay.error)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -19,23 +19,21 @@ from ..common.warnings import Place, Warning
 from .common import DONE, check_kept, check_picture, check_target, file_name, named_path, say, warn
 
 
-def add(commands) -> None:
-    response = commands.add_parser("response", help="fit the responses of the sensors to measurements")
-    response.add_argument("file", type=named_path, metavar="CALIBRATION", help="calibration file")
-    response.add_argument(
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=named_path, metavar="CALIBRATION", help="calibration file")
+    parser.add_argument(
         "measurements",
         type=named_path,
         metavar="MEASUREMENTS",
         help="CSV file with columns reading, force [N], and optionally taxel; with --modality reading and value",
     )
-    response.add_argument(
+    parser.add_argument(
         "--modality", metavar="NAME", help="fit the response of this modality of the calibration, in its unit"
     )
-    response.add_argument("-o", "--output", required=True, type=file_name, metavar="OUT", help="calibration file")
-    response.add_argument(
+    parser.add_argument("-o", "--output", required=True, type=file_name, metavar="OUT", help="calibration file")
+    parser.add_argument(
         "--picture", type=file_name, metavar="PNG", help="picture of measurements, curves and residuals"
     )
-    response.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -36,15 +36,11 @@ from .common import (
 )
 
 
-def add(commands) -> None:
-    parser = commands.add_parser(
-        "show", help="print table and warnings of a calibration or of the links of a robot, and draw a picture"
-    )
+def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=named_path, metavar="FILE", help="calibration file; robot.json, or its folder")
     parser.add_argument(
         "--picture", type=file_name, metavar="PNG", help="picture of surfaces and taxels; of a robot in its zero pose"
     )
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

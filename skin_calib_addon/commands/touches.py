@@ -15,22 +15,19 @@ from ..validation import Placement, placements, read_touches, summarize
 from .common import DONE, check_kept, check_picture, check_target, file_name, named_path, say, warn
 
 
-def add(commands) -> None:
-    touches = commands.add_parser(
-        "touches",
-        help="compare a calibration with measured touches",
-        description="TOUCHES is a CSV file. Each row has the taxel (or channel) with the largest reading, and the "
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "TOUCHES is a CSV file. Each row has the taxel (or channel) with the largest reading, and the "
         "position x, y, z of the probe [m] or the wrench fx, fy, fz, tx, ty, tz of a force-torque sensor [N, N m], in "
-        "the link frame.",
+        "the link frame."
     )
-    touches.add_argument("file", type=named_path, metavar="FILE", help="calibration or plan")
-    touches.add_argument("touches", type=named_path, metavar="TOUCHES", help="CSV file of measured touches")
-    touches.add_argument(
+    parser.add_argument("file", type=named_path, metavar="FILE", help="calibration or plan")
+    parser.add_argument("touches", type=named_path, metavar="TOUCHES", help="CSV file of measured touches")
+    parser.add_argument(
         "--refine", action="store_true", help="move the skins of the plan to the positions of the touches"
     )
-    touches.add_argument("-o", "--output", type=file_name, metavar="OUT", help="refined plan")
-    touches.add_argument("--picture", type=file_name, metavar="PNG", help="picture of the touches and their cells")
-    touches.set_defaults(run=run, refuse=touches.error)
+    parser.add_argument("-o", "--output", type=file_name, metavar="OUT", help="refined plan")
+    parser.add_argument("--picture", type=file_name, metavar="PNG", help="picture of the touches and their cells")
 
 
 def run(options: argparse.Namespace) -> int:

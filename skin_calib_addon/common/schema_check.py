@@ -1,6 +1,9 @@
 """Check a document against the subset of JSON Schema (draft 2020-12) that the schemas of this package use.
 
 Two rules are stricter than JSON Schema: a number is finite, and a string has no lone surrogates.
+
+A compiled validator takes an eighth of the time, which is a ninth of that of loading a calibration. It would be another
+package of each controller, with 15 MB, and its sentences would have to be replaced by those below.
 """
 
 import json

@@ -1,20 +1,29 @@
 """The folder of a robot: plans, calibrations, their sources, and ``robot.json``."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from ..calibration.file import save_calibration
-from ..calibration.robot_set import FILE, RobotLink, RobotSet, UrdfFile, load_robot_set, robot_link, save_robot_set
+from ..calibration.robot_set import (
+    FILE,
+    RobotLink,
+    RobotSet,
+    UrdfFile,
+    load_robot_set,
+    robot_link,
+    same_link,
+    save_robot_set,
+)
+from ..calibration.source_record import load_source, save_source
 from ..common.errors import CalibrationFormatError, listed
 from ..common.file_hash import file_hash
-from ..common.findings import show
 from ..plan import Plan
 from ..robot.link_mesh import is_urdf
 from ..robot.urdf import Robot, read_robot
 from .calibrate import Calibrated
-from .sources import add_outputs, load_sources, relative_path, save_source, source_of
+from .sources import add_outputs, relative_path, source_of
 
 
 def save_link(result: Calibrated, plan: Plan, path: Path) -> Path:
@@ -24,7 +33,7 @@ def save_link(result: Calibrated, plan: Plan, path: Path) -> Path:
     source = source_of(path, plan, folder)
     save_calibration(result.calibration_of(plan), calibration)
     numbers = {"taxels": result.taxels, "mean": result.mean, "warnings": result.warnings}
-    save_source(folder, calibration.name, add_outputs(source, folder, [calibration], **numbers))
+    save_source(calibration, add_outputs(source, folder, [calibration], **numbers))
     return calibration
 
 
@@ -35,25 +44,25 @@ def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> str:
 
     A folder of several calibrations of one link is no robot: without URDF and earlier file, none is written.
     """
-    before = load_robot_set(folder) if os.path.lexists(folder / FILE) else RobotSet(folder.resolve().name, None, ())
-    links = [robot_link(folder, path.name) for path in sorted(folder.glob("*.calibration.json"))]
-    if not (robot or before.links) and len({link.link for link in links}) < len(links):
-        return ""
-    if both := same_link({link.calibration: link.link for link in links}):
-        raise CalibrationFormatError(f"{both}. Remove one of them, and fit again.")
-    meshes = _meshes_of_sources(folder, links)
-    if urdf is None and (urdf := _only_urdf(folder, meshes, before)):
-        robot = read_robot(urdf)
-    by_name = {link.link: link for link in before.links}
-    for k, link in enumerate(links):
-        earlier = by_name.get(link.link, link)
-        parent = robot.parents.get(link.link) if robot else earlier.parent
-        links[k] = replace(link, parent=parent, bus=earlier.bus)
-    now = replace(before, links=tuple(links))
-    if robot and urdf:
-        file = UrdfFile(relative_path(folder, urdf), file_hash(urdf) or "")
-        now = replace(now, robot=robot.name or urdf.stem, urdf=file)
-    if now != before:
+    known: dict[tuple[str, str | None], RobotLink] = {}
+    while True:  # another process may write calibrations and this file, too: the file that stays has to list all
+        files = [(path.name, file_hash(path)) for path in sorted(folder.glob("*.calibration.json"))]
+        known |= {file: robot_link(folder, file[0]) for file in files if file not in known}
+        links = [known[file] for file in files]
+        meshes = _meshes_of_records(folder, links)
+        before = load_robot_set(folder) if os.path.lexists(folder / FILE) else RobotSet(folder.resolve().name, None, ())
+        if not (robot or before.links) and len({link.link for link in links}) < len(links):
+            return ""
+        if both := same_link({link.calibration: link.link for link in links}):
+            raise CalibrationFormatError(f"{both}. Remove one of them, and fit again.")
+        if urdf is None and (urdf := _only_urdf(folder, meshes, before)):
+            robot = read_robot(urdf)
+        now = _updated(before, links, robot)
+        if robot and urdf:
+            file = UrdfFile(relative_path(folder, urdf), file_hash(urdf) or "")
+            now = replace(now, robot=robot.name or urdf.stem, urdf=file)
+        if now == before:
+            break
         save_robot_set(now, folder)
     urdfs = sorted(mesh for mesh in meshes if is_urdf(Path(mesh)))
     if now.urdf or not urdfs:
@@ -62,19 +71,26 @@ def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> str:
     return f"{FILE} names no URDF: {which}. Fit the plans of each robot into a folder of its own."
 
 
-def same_link(links: Mapping[str, str]) -> str:
-    """Return a clause that names two calibrations of one link; empty if each link has one."""
-    files: dict[str, str] = {}
-    for file, link in links.items():
-        if (other := files.setdefault(link, file)) != file:
-            return f"{other} and {file} are of the same link {show(link)}"
-    return ""
+def _updated(before: RobotSet, links: Sequence[RobotLink], robot: Robot | None) -> RobotSet:
+    """Return a set with other links, whose buses stay; their parents stay, too, without a robot."""
+    earlier = {link.link: link for link in before.links}
+    return replace(
+        before,
+        links=tuple(
+            replace(
+                link,
+                parent=robot.parents.get(link.link) if robot else earlier.get(link.link, link).parent,
+                bus=earlier.get(link.link, link).bus,
+            )
+            for link in links
+        ),
+    )
 
 
-def _meshes_of_sources(folder: Path, links: Sequence[RobotLink]) -> set[str]:
+def _meshes_of_records(folder: Path, links: Sequence[RobotLink]) -> set[str]:
     """Return the meshes of links in a folder, by their plans; an empty name if one is not known."""
-    sources = load_sources(folder)
-    return {sources[link.calibration].mesh if link.calibration in sources else "" for link in links}
+    records = [load_source(folder / link.calibration) for link in links]
+    return {record.mesh if record else "" for record in records}
 
 
 def _only_urdf(folder: Path, meshes: set[str], before: RobotSet) -> Path | None:

@@ -285,7 +285,7 @@ def test_proposals_fits_and_export_have_the_bytes_of_the_command_line(bpy, arm, 
     folder = by_command.with_name("window")
     assert bpy.ops.skin_calib.export_robot(directory=str(folder)) == {"FINISHED"}
     assert files_of(folder) == files_of(by_command)
-    assert {"robot.json", "sources.json", "block.plan.json", "block.calibration.json"} <= files_of(folder).keys()
+    assert {"robot.json", "block.sources.json", "block.plan.json", "block.calibration.json"} <= files_of(folder).keys()
     assert cli.main(["fit", str(folder), "-o", str(folder)]) == 0
     assert "2 up to date" in capfd.readouterr().out
 

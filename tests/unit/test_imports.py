@@ -361,11 +361,13 @@ def test_a_circle_is_found(tmp_path):
         ("import skin_calib_addon.runtime", "scipy trimesh matplotlib bpy"),
         ("from skin_calib_addon.runtime import load; load(PATH)", "scipy trimesh matplotlib bpy"),
         ("import skin_calib_addon.calibration", "scipy trimesh matplotlib bpy"),
-        ("import skin_calib_addon.cli", "matplotlib bpy"),
+        ("from skin_calib_addon.cli import build_parser; build_parser(())", "numpy matplotlib bpy"),
+        ("from skin_calib_addon.cli import build_parser; build_parser(['check'])", "scipy trimesh matplotlib bpy"),
+        ("import skin_calib_addon.commands.fit", "scipy.optimize scipy.interpolate trimesh matplotlib bpy"),
     ],
 )
-def test_runtime_loads_nothing_but_numpy(tmp_path, statement, absent):
-    """In a fresh process: what a controller imports, and reading a file with it, brings no library along."""
+def test_imports_bring_only_what_is_needed(tmp_path, statement, absent):
+    """In a fresh process: a controller, and reading a file with it, needs NumPy only; commands start quickly."""
     from skin_calib_addon.calibration import save_calibration
     from tests.samples import small_calibration
 

@@ -1,6 +1,6 @@
 """List the formats of other programs that can be read or written."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from ..model import LinkCalibration
@@ -49,3 +49,8 @@ _TABLE = (
 )
 FORMATS = {format.name: format for format in _TABLE}
 WRITABLE = tuple(FORMATS)
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return a line for each of some formats, for ``--help``."""
+    return "\n".join(("formats:", *(f"  {name:13} {FORMATS[name].what} ({FORMATS[name].ending})" for name in names)))

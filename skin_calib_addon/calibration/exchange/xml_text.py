@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterable
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -17,6 +16,8 @@ HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 def quoted(value: str) -> str:
     """Return a text as the value of an attribute, with quotation marks."""
+    from xml.sax.saxutils import quoteattr  # its import brings an HTTP client along: 30 ms
+
     found = _FORBIDDEN.search(value)
     if found:
         raise CalibrationFormatError(

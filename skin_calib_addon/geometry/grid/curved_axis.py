@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from ...common.arrays import Array, BoolArray, unit
 from ...common.errors import EmptySection, InvalidPlan
@@ -48,7 +48,9 @@ class CurvedAxis:
     e1: Array  # (k, 3) unit, across the curve
 
     @cached_property
-    def _curve(self) -> CubicSpline:
+    def _curve(self) -> Any:
+        from scipy.interpolate import CubicSpline  # its import takes .1 s, and most links are straight
+
         return CubicSpline(self.stations, self.points, bc_type="natural")
 
     def planes(self, stations: Array) -> Planes:

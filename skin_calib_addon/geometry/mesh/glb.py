@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from ...common.arrays import Array, IntArray
 
@@ -31,6 +30,8 @@ def read_glb(path: str | Path) -> tuple[Array, IntArray]:
     if size > len(content):
         raise ValueError(f"it is truncated: its header announces {size} bytes, but it has {len(content)}")
     refuse_other_shapes(json.loads(content[HEADER.size : HEADER.size + length]))
+    import trimesh  # it takes longer than reading
+
     # Without a resolver trimesh finds no other file.
     raw: Any = trimesh.load(io.BytesIO(content), file_type="glb", process=False, force="mesh", skip_materials=True)
     return np.asarray(raw.vertices, float), np.asarray(raw.faces)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 from scipy.sparse import csr_array
 
 from ...common.arrays import Array, BoolArray, IntArray, cross, freeze, norms, row_order
@@ -21,6 +20,7 @@ from ...common.interruptions import interruptions_deferred
 from ..components import components
 from .dae import read_dae
 from .glb import read_glb
+from .triangle_files import read_triangles
 
 FORMATS = ("stl", "ply", "obj", "off", "dae", "glb")
 METRES_PER_UNIT = {"m": 1.0, "mm": 1e-3}
@@ -261,6 +261,8 @@ def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
 
 def simple_shape(kind: str, size: Sequence[float]) -> tuple[Array, IntArray]:
     """Return vertices [m] and faces of a box, cylinder, sphere or capsule about the origin; cylinders are along z."""
+    import trimesh
+
     if kind == "box":
         mesh = trimesh.creation.box(size)
     elif kind == "cylinder":
@@ -288,7 +290,11 @@ def read_mesh(path: str | Path) -> TriangleMesh:
                 vertices, faces = read_dae(path)
             elif kind == "glb":
                 vertices, faces = read_glb(path)
+            elif plain := read_triangles(path, kind):
+                vertices, faces = plain
             else:
+                import trimesh  # it takes longer than reading
+
                 # As a real path: trimesh removes "link/..", which is wrong if "link" is a symbolic link.
                 raw: Any = trimesh.load(os.path.realpath(path), file_type=kind, process=False, force="mesh")
                 vertices, faces = np.asarray(raw.vertices, float), np.asarray(raw.faces)

@@ -1,7 +1,6 @@
 """Overlaps of boards in space, and the largest set of boards without one."""
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
@@ -52,6 +51,8 @@ def largest_apart(count: int, conflicts: IntArray) -> BoolArray:
     """Return a largest set of boards without conflicts, shape (count,); the first boards are preferred."""
     kept = np.ones(count, bool)
     if len(conflicts):
+        from scipy.optimize import Bounds, LinearConstraint, milp  # the import takes .1 s, and conflicts are rare
+
         which, pairs = np.unique(conflicts, return_inverse=True)
         rows = csr_array((np.ones(pairs.size), (np.repeat(np.arange(len(conflicts)), 2), pairs.ravel())))
         # All preferences together are less than one board. Sums of roots differ, so that the best set is unique.

@@ -1,12 +1,12 @@
 """Geodesics on a surface: the straight lines of a sheet that bends and does not stretch."""
 
 import numpy as np
-from scipy.interpolate import RectBivariateSpline
 
 from ...common.arrays import Array, BoolArray, cross, unit
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.footpoints import footpoints
 from ..lattice import ROUNDING
+from .between import interpolation
 
 # Numbers of substeps of one step, tried in this order.
 SUBSTEPS = (1, 2, 4, 16)
@@ -30,8 +30,8 @@ def unroll(surface: BSplineSurface, flat: Array, uv: Array, along: Array, step: 
     across = cross(surface.normals(row), tangents)
     grid = _trace_both(surface, row, across, step, below, below + above + 1)[0]
     y, x = step * np.arange(-below, above + 1), step * np.arange(-left, right + 1)
-    splines = [RectBivariateSpline(y, x, grid[..., k], kx=min(3, len(y) - 1), ky=min(3, len(x) - 1)) for k in (0, 1)]
-    return np.column_stack([spline.ev(flat[:, 1], flat[:, 0]) for spline in splines])
+    across_rows = np.tensordot(interpolation(y, flat[:, 1]), grid, axes=1)  # (points, columns, 2)
+    return np.einsum("pj,pjk->pk", interpolation(x, flat[:, 0]), across_rows)
 
 
 def _trace_both(

@@ -154,7 +154,8 @@ def test_fit_takes_many_plans_into_a_folder(folder, jobs, capsys):
     assert main(words) == 1
     out, err = capsys.readouterr()
     assert sorted(p.name for p in (folder / "out").iterdir()) == [
-        *("a.calibration.json", "a.report.json", "c.calibration.json", "c.report.json", "sources.json")
+        *("a.calibration.json", "a.report.json", "a.sources.json"),
+        *("c.calibration.json", "c.report.json", "c.sources.json"),
     ]
     assert (folder / "out" / "a.calibration.json").read_bytes() == (folder / "out" / "c.calibration.json").read_bytes()
     assert (
@@ -286,7 +287,11 @@ def test_one_plan_of_a_folder_gets_a_folder(folder):
     """A folder as input is a set of links, also if there is one; so is a name that ends with a slash."""
     plan = write_plan(folder)
     assert main(["fit", str(folder), "-o", str(folder / "out"), "--report", str(folder / "reports")]) == 0
-    assert {path.name for path in (folder / "out").iterdir()} == {"robot.json", "sources.json", "tube.calibration.json"}
+    assert {path.name for path in (folder / "out").iterdir()} == {
+        "robot.json",
+        "tube.sources.json",
+        "tube.calibration.json",
+    }
     assert [path.name for path in (folder / "reports").iterdir()] == ["tube.report.json"]
     assert main(["fit", str(plan), "-o", f"{folder / 'again'}/"]) == 0
     assert (folder / "again/tube.calibration.json").is_file()
@@ -428,9 +433,23 @@ def test_show_refuses_a_plan(folder, capsys):
     assert_refused(capsys, 1, "the file is a plan. Fit it, and use the resulting calibration.", "show", plan)
     assert main(["fit", str(plan), "-o", str(folder)]) == 0
     capsys.readouterr()
-    made, notes = folder / "tube.calibration.json", folder / "sources.json"
+    made, notes = folder / "tube.calibration.json", folder / "tube.sources.json"
     assert_refused(capsys, 1, "the file is a calibration. Use the plan", "fit", made, "-o", folder / "c.json")
-    assert_refused(capsys, 1, "the file is a list of the sources of calibrations", "show", notes)
+    assert_refused(capsys, 1, "the file is the record of the sources of a calibration", "show", notes)
+
+
+def test_missing_package_of_authors_is_one_line(folder):
+    """A controller has NumPy only: it can check its calibration, and other commands state what to install."""
+    assert main(["fit", str(folder / "tube.plan.json"), "-o", str(folder)]) == 0
+    code = "import sys; sys.modules['scipy'] = None; from skin_calib_addon.cli import main; sys.exit(main())"
+
+    def without_scipy(*words):
+        done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, cwd=ROOT)
+        return done.returncode, done.stdout, done.stderr
+
+    assert without_scipy("check", folder / "tube.calibration.json")[::2] == (0, "")
+    words = "skin-calib: this needs scipy, which is not installed here: pip install 'skin-calib[author]'\n"
+    assert without_scipy("fit", folder / "tube.plan.json", "-o", folder) == (1, "", words)
 
 
 def test_show_prints_a_table_and_draws(folder, capsys):
@@ -571,8 +590,8 @@ def test_check_reports_a_changed_mesh(folder, capsys):
     assert "warning: /skins/0/file does not exist; paths are relative" in check(worn)
     (folder / "lost.csv").write_text("")
     assert "/skins/0/file" not in check(worn)
-    (folder / "out" / "sources.json").write_text("{")
-    assert "warning: the document cannot be compared with its sources: the sources of the calibrations in" in check(out)
+    (folder / "out" / "tube.sources.json").write_text("{")
+    assert "warning: the document cannot be compared with its sources: the sources of" in check(out)
 
 
 def test_calibrations_in_a_folder_that_is_a_link_know_their_mesh(folder, capsys):

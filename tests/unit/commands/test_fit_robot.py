@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from skin_calib_addon.calibration.response import Response
 from skin_calib_addon.cli import main
 from skin_calib_addon.commands import fit_jobs
 from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, save_mesh, weld
-from skin_calib_addon.pipeline import sources
+from skin_calib_addon.pipeline import robot_folder, sources
 from tests.examples import slow
 from tests.shapes import LENGTH, RADIUS, cylinder
 from tests.unit.commands.test_cli import TUBE, write_plan
@@ -49,10 +50,8 @@ def states(capsys):
 
 
 def noted(robot):
-    """Return the links in sources.json."""
-    path = robot / "out" / "sources.json"
-    names = json.loads(path.read_text())["calibrations"] if path.exists() else ()
-    return {name.removesuffix(".calibration.json") for name in names}
+    """Return the links with a record of their sources."""
+    return {path.name.removesuffix(".sources.json") for path in (robot / "out").glob("*.sources.json")}
 
 
 def written(robot):
@@ -132,7 +131,7 @@ def test_what_changed_is_fitted_again(robot, capsys, monkeypatch, change):
 def test_another_program_fits_everything_again(robot, capsys, monkeypatch):
     """Another version of the program or of a library gives other numbers; ``--again`` always fits again."""
     fit(robot)
-    monkeypatch.setattr(sources, "PROGRAM", "skin-calib 9")
+    monkeypatch.setattr(sources, "program", lambda: "skin-calib 9")
     capsys.readouterr()
     fit(robot)
     assert set(states(capsys).values()) == {"fitted"}
@@ -188,6 +187,20 @@ def test_calibration_that_was_changed_is_kept(robot, capsys):
         in capsys.readouterr().err
     )
     assert path.read_bytes() != kept
+
+
+def test_check_trusts_the_record_of_unchanged_bytes_only(robot, capsys, monkeypatch):
+    """A calibration that was changed after its fit is compared with the geometry of the mesh."""
+    fit(robot)
+    path = robot / "out" / "leg.calibration.json"
+    with monkeypatch.context() as patch:
+        patch.setattr(sources, "read_mesh", lambda path: [][1])  # not needed
+        assert main(["check", str(path)]) == 0
+    assert "leg.ply is unchanged" in capsys.readouterr().out
+    calibration = load_calibration(path)
+    save_calibration(replace(calibration, mesh=replace(calibration.mesh, sha256="0" * 64)), path)
+    assert main(["check", str(path)]) == 0
+    assert "/mesh/sha256 differs from that of" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
@@ -276,8 +289,12 @@ def test_interrupted_call_leaves_whole_files(robot, capsys):
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
         out, err = process.communicate()
     assert (process.returncode, out) == (130, "")
-    assert err == "skin-calib: interrupted after 2 of 3 links. The same call continues from here.\n"
-    assert sorted(os.listdir(robot / "out")) == ["arm.calibration.json", "leg.calibration.json", "sources.json"]
+    # A process writes the record of its link just before it reports the link.
+    line = "skin-calib: interrupted after {} of 3 links. The same call continues from here.\n"
+    assert err in [line.format(done) for done in range(3)]
+    assert sorted(os.listdir(robot / "out")) == [
+        f"{n}.{w}.json" for n in ("arm", "leg") for w in ("calibration", "sources")
+    ]
     (robot / "plans" / "toe.ply").write_bytes(small)
     assert fit(robot) == 0
     assert states(capsys) == {"arm": "up to date", "leg": "up to date", "toe": "fitted"}
@@ -311,13 +328,14 @@ def test_progress_is_for_a_terminal(robot, capsys, monkeypatch):
     assert shown[4].startswith("skin-calib: leg: There is no mesh file") and shown[4].endswith("\n")
 
 
-def test_invalid_sources_are_an_error(robot, capsys):
-    """The sources of the calibrations are unknown: one line states what to do."""
-    (robot / "out" / "sources.json").write_text('{"format": "skin-sources", "version": 1}')
+def test_invalid_sources_are_an_error_of_their_link(robot, capsys):
+    """Its sources are unknown: one line states what to do. Other links are fitted."""
+    (robot / "out" / "leg.sources.json").write_text('{"format": "skin-sources", "version": 3}')
     assert fit(robot) == 1
-    err = capsys.readouterr().err
-    assert 'sources.json has error: the document lacks the member "calibrations"' in err and "Delete this file" in err
-    assert os.listdir(robot / "out") == ["sources.json"]
+    out, err = capsys.readouterr()
+    assert 'leg.sources.json has error: the document lacks the member "program"' in err and "Delete this file" in err
+    assert out.splitlines()[-1] == "3 links: 2 fitted, 1 failed"
+    assert fit(robot, "--again") == 0
 
 
 def link(name, *meshes, origin=""):
@@ -418,39 +436,83 @@ def test_mesh_is_known_whatever_its_file(robot):
 def test_sources_are_readable_json(robot):
     """With relative paths, so that folders can be moved together."""
     fit(robot)
-    document = json.loads((robot / "out" / "sources.json").read_text())
-    assert list(document["calibrations"]) == [f"{name}.calibration.json" for name in NAMES]
-    note = document["calibrations"]["arm.calibration.json"]
+    note = json.loads((robot / "out" / "arm.sources.json").read_text())
     assert (note["plan"], note["mesh"]) == ("../plans/arm.plan.json", "../plans/arm.ply")
     assert list(note["inputs"]) == [note["plan"], note["mesh"]] and list(note["outputs"]) == ["arm.calibration.json"]
 
 
-def test_sources_of_the_first_version_keep_their_warnings(robot, capsys):
-    """They are strings in that version; they are repeated for calibrations that are up to date."""
+def join_records(robot, version):
+    """Replace the records by the one of all calibrations that earlier versions wrote."""
+    members = {}
+    for path in sorted((robot / "out").glob("*.sources.json")):
+        member = json.loads(path.read_text())
+        del member["format"], member["version"]
+        if version == 1:
+            del member["warnings"]
+            member["doubts"] = ["it deviates from the mesh"]
+        members[path.name.replace(".sources.", ".calibration.")] = member
+        path.unlink()
+    document = {"format": "skin-sources", "version": version, "calibrations": members}
+    (robot / "out" / "sources.json").write_text(json.dumps(document))
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_sources_of_a_folder_are_understood(robot, capsys, version):
+    """Earlier versions wrote one file for all calibrations; what is fitted again has its own record from then on."""
     fit(robot)
-    notes = robot / "out" / "sources.json"
-    document = json.loads(notes.read_text()) | {"version": 1}
-    for member in document["calibrations"].values():
-        del member["warnings"]
-        member["doubts"] = ["it deviates from the mesh"]
-    notes.write_text(json.dumps(document))
+    join_records(robot, version)
     capsys.readouterr()
     assert fit(robot) == 0
     out, err = capsys.readouterr()
     assert out.splitlines()[-1] == "3 links: 3 up to date"
-    assert err.splitlines() == [f"skin-calib: {n}: warning: it deviates from the mesh [earlier-fit]" for n in NAMES]
+    warnings = [f"skin-calib: {n}: warning: it deviates from the mesh [earlier-fit]" for n in NAMES]
+    assert err.splitlines() == (warnings if version == 1 else [])
+    change_plan(robot, None)
+    for leg in ("fitted", "up to date"):
+        assert fit(robot) == 0
+        assert states(capsys) == {"arm": "up to date", "leg": leg, "toe": "up to date"}
+    assert noted(robot) == {"leg"}
+
+
+@pytest.mark.slow
+def test_processes_fit_one_folder_at_the_same_time(robot, capsys):
+    """As make or a scheduler start them: each plan in a process of its own. No record and no link is lost."""
+    command = [sys.executable, "-m", "skin_calib_addon", "fit", "-o", str(robot / "out")]
+    begun = [subprocess.Popen([*command, robot / "plans" / f"{n}.plan.json"], cwd=ROOT) for n in NAMES]
+    assert [process.wait() for process in begun] == [0, 0, 0]
+    links = json.loads((robot / "out" / "robot.json").read_text())["links"]
+    assert [link["link"] for link in links] == [*NAMES] and noted(robot) == {*NAMES}
+    capsys.readouterr()
+    assert fit(robot) == 0
+    assert set(states(capsys).values()) == {"up to date"}
+
+
+def test_robot_lists_what_another_process_writes_meanwhile(robot, monkeypatch):
+    """A process that has read the folder, and writes robot.json later than another one, loses no link of that one."""
+    fit(robot)
+    (robot / "out" / "leg.calibration.json").rename(robot / "leg.json")
+    write, calls = robot_folder.save_robot_set, []
+
+    def write_late(robot_set, folder):
+        if not calls:  # the other process finishes between reading and writing
+            (robot / "leg.json").rename(robot / "out" / "leg.calibration.json")
+        calls.append([link.link for link in robot_set.links])
+        write(robot_set, folder)
+
+    monkeypatch.setattr(robot_folder, "save_robot_set", write_late)
+    assert robot_folder.save_robot(robot / "out", None, None) == ""
+    assert calls == [["arm", "toe"], [*NAMES]]
 
 
 def test_invalid_paths_in_sources_are_harmless(robot, capsys):
     """Any path: an endless device, or an invalid name."""
     fit(robot)
-    notes = robot / "out" / "sources.json"
-    document = json.loads(notes.read_text())
+    notes = robot / "out" / "arm.sources.json"
+    note = json.loads(notes.read_text())
     for path in ("/dev/zero", "a\0b", "x" * 5000, "..", ""):
-        note = document["calibrations"]["arm.calibration.json"]
         note["inputs"], note["outputs"] = {path: "0" * 64}, {path: "0" * 64}
         for note["mesh"] in (path, "none.ply"):
-            notes.write_text(json.dumps(document))
+            notes.write_text(json.dumps(note))
             capsys.readouterr()
             assert main(["check", str(robot / "out" / "arm.calibration.json")]) == 0
             assert "mesh arm.ply not found" in capsys.readouterr().out

@@ -250,7 +250,8 @@ def test_folder_without_the_set_says_so(robot, capsys):
     with pytest.raises(CalibrationFormatError, match="a folder without robot.json"):
         Body.load(out)
     assert main(["fit", str(robot), "-o", str(out)]) == 0 and check(robot, capsys)[0] == 0
-    os.remove(out / "sources.json")  # a folder that is not of a fit
+    for name in ("arm", "hand"):  # a folder that is not of a fit
+        os.remove(out / f"{name}.sources.json")
     (out / "robot.json").unlink()
     assert not check(robot, capsys)[1]
 

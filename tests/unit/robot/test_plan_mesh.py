@@ -74,7 +74,7 @@ def test_calibration_is_that_of_the_same_mesh_in_a_file(robot, tmp_path):
 def test_sources_have_the_urdf_and_its_meshes(robot, capsys):
     """A change of any of them is found by ``check``, and fitted again."""
     fit(robot)
-    known = json.loads((robot / "out" / "sources.json").read_text())["calibrations"]["arm.calibration.json"]
+    known = json.loads((robot / "out" / "arm.sources.json").read_text())
     assert known["mesh"] == "../bot/bot.urdf"
     assert list(known["inputs"]) == [
         *("../plans/arm.plan.json", "../bot/bot.urdf", "../bot/meshes/tube.STL", "../bot/meshes/box.ply")
