@@ -1,5 +1,6 @@
 """Statements under noise: guaranteed and outer polygons, feet in the air, standard deviations, unknown noise."""
 
+from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
@@ -167,9 +168,17 @@ def test_foot_above_the_limit_of_its_sum_stands():
     assert np.sqrt(np.mean(np.square(errors))) < 2
 
 
-def test_standard_deviations_are_those_of_repeated_readings():
-    """Load, wrench, CoP and ZMP scatter as stated, for forces that are clear everywhere."""
-    rng, skin = np.random.default_rng(4), sole()
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.15, -0.08)], ids=["below the link frame", "beside it"])
+def test_standard_deviations_are_those_of_repeated_readings(shift):
+    """Load, wrench, CoP and ZMP scatter as stated, for forces that are clear everywhere, wherever the link frame is."""
+    rng, centred = np.random.default_rng(4), sole_patch()
+    taxels = centred.taxels
+    moved = replace(
+        taxels, positions_link=taxels.positions_link + (*shift, 0), corners_link=taxels.corners_link + (*shift, 0)
+    )
+    response = Response((0.0, NEWTONS))
+    patches = (replace(centred, taxels=moved),)
+    skin = Skin(small_calibration(link="sole", patches=patches, surfaces=(plane(),), response=response))
     skin.tare(read(rng, FREE, frames=250))
     forces = np.full(N, 8.0)
     frames = [skin.update(reading, 0.01 * k) for k, reading in enumerate(read(rng, forces, frames=800))]
