@@ -111,13 +111,16 @@ def test_taxels_of_imported_boards_turn_with_the_frame_only():
     positions, _, board = boards_around(RADIUS)
     fit = fit_surface(cylinder(), TubeGrid(6, 16, Z_AXIS, 1e-3, "uniform"))
     skin = ImportedSkin("i", Path("i.csv"))
-    bent = {}
+    bent, height = {}, {}
     for snap in (False, True):
         taxels = imported_taxels(taxel_set(positions, boards=board), fit.error_field.surface, "i", snap=snap).taxels
         patch = Patch("i", "imported", "tube", (1, len(taxels.ids)), (0.0065, 0.0065), taxels)
-        bent[snap] = with_sigma(patch, replace(skin, snap=snap), fit, None).taxels.sigma[:, 2]
+        _, height[snap], bent[snap] = with_sigma(patch, replace(skin, snap=snap), fit, None).taxels.sigma.T
     assert_allclose(bent[False], np.deg2rad(1.0), rtol=1e-9)
     assert (bent[True] > np.hypot(np.deg2rad(1.0), 0.9e-3 / RADIUS)).all()
+    # The frame of the file moves its taxels along the normal, too; those that snap are as near as the surface.
+    assert (height[False] > 0.99e-3).all()
+    assert_allclose(height[True] ** 2, fit.error_field.at(taxels.uv)[0], rtol=1e-9)
 
 
 def test_nothing_is_stated_over_a_hole_or_for_a_strained_cell(tmp_path):
