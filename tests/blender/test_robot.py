@@ -222,7 +222,7 @@ def test_saved_robot_is_the_same_after_opening(bpy, addon, robot, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["g1_description/g1_29dof_rev_1_0.urdf", "jvrc_description/urdf/jvrc1.urdf"])
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_real_robot_has_the_geometry_of_the_command_line(bpy, addon, name):
     """All links of a real robot, STL or DAE with package://, have the same bytes through both interfaces."""
     path = ROBOTS / name
@@ -448,7 +448,7 @@ def test_presets_of_the_skin_can_be_read(addon, extension):
     "file, link",
     [("g1_description/g1_29dof_rev_1_0.urdf", "head_link"), ("jvrc_description/urdf/jvrc1.urdf", "NECK_P_S")],
 )
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_proposal_of_a_real_link_has_the_plan_of_the_command_line(bpy, tmp_path, file, link):
     """The exported plan has the bytes of ``skin-calib propose``; the fit has those of ``skin-calib fit``."""
     path = ROBOTS / file

@@ -195,6 +195,7 @@ def assert_handled(document):
 CHANGED = [..., None, True, -1, 1.5, 1e308, "1.5", "s0.0", [], {}, [[0.0, 0.0, 0.0]]]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("value", [slow(value) for value in CHANGED], ids=repr)
 def test_any_changed_node_is_handled(value):
     """Each removed or replaced node gives findings or a calibration, not an exception."""

@@ -62,6 +62,7 @@ def test_cloud_in_another_frame_is_brought_back(seed):
     assert_consistent(fit, wrist(), motion.points(points))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("seed", [0, slow(1), slow(2)])
 def test_inner_parts_do_not_catch_a_piece(seed):
     """A small piece of the shell of a link, with boxes between the centre of the link and the piece."""
@@ -171,7 +172,7 @@ def test_few_points_are_ambiguous(count):
     assert find_frame(wrist(), on_wrist(count=count) + 0.3).verdict == "ambiguous"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", [0.04, slow(0.1)])
 def test_noise_is_refused(size):
     """Random points in a box fit no mesh; the reported distances of the best pose are large and correct."""
@@ -181,7 +182,7 @@ def test_noise_is_refused(size):
     assert_consistent(fit, wrist(), points)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("noise", "verdict"), [(0.5e-3, "moved"), (2e-3, "lost")])
 def test_limit_of_the_distance_is_a_millimetre(noise, verdict):
     """Also for a cloud of 0.3 m: points in another frame with a mean distance of 0.4 or 1.6 mm from their link."""
@@ -192,7 +193,7 @@ def test_limit_of_the_distance_is_a_millimetre(noise, verdict):
     assert fit.before.mean > 0.01
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_cloud_of_another_link_is_refused():
     """Taxels of a tube of another radius."""
     other = cylinder(radius=0.05).vertices[::16]

@@ -593,7 +593,7 @@ def test_full_scale_without_a_range_is_stuck(noise):
     assert frame.stuck.nonzero()[0].tolist() == [1]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("noise", [2.0, 0.5])
 @pytest.mark.parametrize("offset", [0.0, 50.0])
 def test_live_readings_are_not_called_lies(noise, offset):
