@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from skin_calib_addon.geometry import weld
+from skin_calib_addon.geometry import registration, weld
 from skin_calib_addon.geometry.mesh.closest import MeshDistance, split_faces
 from skin_calib_addon.geometry.registration import (
     MAX_SKIN_THICKNESS,
@@ -164,6 +164,22 @@ def test_symmetric_links_are_ambiguous(mesh):
     assert fit.verdict == "ambiguous"
     assert fit.after.mean < 1e-4 and fit.rival < 1e-3
     assert_consistent(fit, mesh, points)
+
+
+def test_nearest_of_the_other_poses_decides(monkeypatch):
+    """A cube and poses that its symmetry gives, after one that is far off: the frame is ambiguous."""
+    mesh, motion = box((-0.05, -0.05, -0.05), (0.05, 0.05, 0.05)), Motion(4)
+    points = split_faces(mesh, 0.02)[0]
+    given = motion.points(points)
+    back, centre = motion.rotation.T, points.mean(axis=0)
+    quarter = Rotation.from_rotvec((0, 0, np.pi / 2)).as_matrix()
+    oblique = Rotation.from_rotvec((0.3, 0.2, 0.5)).as_matrix()
+    others = [registration.Pose(turn @ back, centre) for turn in (oblique, quarter)]
+    for poses, verdict in ((others, "ambiguous"), (others[::-1], "ambiguous"), (others[:1], "moved")):
+        monkeypatch.setattr(registration, "_search", lambda *_, poses=poses: (registration.Pose(back, centre), poses))
+        fit = find_frame(mesh, given)
+        assert fit.verdict == verdict
+        assert (fit.rival < 1e-9) == (verdict == "ambiguous")
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
