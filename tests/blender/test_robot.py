@@ -313,6 +313,7 @@ def test_proposal_of_a_single_mesh_has_the_plan_of_the_command_line(bpy, documen
     assert document(bpy.context.object) == shown
 
 
+@pytest.mark.slow
 def test_proposal_next_to_a_link_that_cannot_be_read_says_so(bpy, tmp_path, capfd):
     """As a warning of the operator, and among the reasons in the panel."""
     written(subdivided(welded(trimesh.creation.cylinder(0.03, 0.12, sections=48))), tmp_path / "tube.ply")
@@ -385,6 +386,7 @@ def test_work_on_a_single_link_that_is_removed_is_refused(bpy, link, meanwhile):
         bpy.ops.skin_calib.fit_all()
 
 
+@pytest.mark.slow
 def test_propose_all_keeps_skins_that_are_added_while_it_works(bpy, plan_file, meanwhile, capfd):
     """The link that is worked on, and one that waits, can get a skin."""
     for name in ("a", "b"):
@@ -405,6 +407,7 @@ def test_propose_all_keeps_skins_that_are_added_while_it_works(bpy, plan_file, m
     assert "Proposed plans for 0 links; refused: 2" in out
 
 
+@pytest.mark.slow
 def test_propose_warns_of_changes_that_it_replaces(bpy, link, meanwhile, capfd):
     """It replaces the plan of the active link; what was changed while it worked can be wanted."""
     bpy.context.scene.skin_calib.skin = SKIN

@@ -677,6 +677,7 @@ def test_inner_parts_are_cut_away(folder, capsys):
         assert f"both.stl: 348 faces; cover {faces} faces" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_reader_that_leaves_early_is_no_error(tmp_path):
     """``skin-calib show FILE | head -1`` ends without an error message."""
     path = tmp_path / "c.json"

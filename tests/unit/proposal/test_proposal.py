@@ -97,6 +97,7 @@ def corrugated(wavelength):
     return sheet(wave, (0.16, 0.08), (160, 20))
 
 
+@pytest.mark.slow
 def test_plan_states_the_largest_piece_without_skin(tmp_path, capsys):
     """On waves no surface is near the mesh; on the rims of a box no large board fits. Small pieces are not stated."""
     words = "The largest piece of the free area without skin has "
