@@ -168,7 +168,7 @@ def test_foot_above_the_limit_of_its_sum_stands():
     assert np.sqrt(np.mean(np.square(errors))) < 2
 
 
-@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.15, -0.08)], ids=["below the link frame", "beside it"])
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.15, -0.08)], ids=["below the link frame", "next to it"])
 def test_standard_deviations_are_those_of_repeated_readings(shift):
     """Load, wrench, CoP and ZMP scatter as stated, for forces that are clear everywhere, wherever the link frame is."""
     rng, centred = np.random.default_rng(4), sole_patch()
