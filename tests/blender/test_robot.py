@@ -329,6 +329,7 @@ def test_proposal_next_to_a_link_that_cannot_be_read_says_so(bpy, tmp_path, capf
     assert words in " ".join(draw(bpy, "reasons"))
 
 
+@pytest.mark.slow
 def test_link_that_is_renamed_during_a_proposal_keeps_its_name(bpy, link, extension, monkeypatch):
     """The surfaces and skins are those of the proposal; its fit is of a plan with another name, so it is outdated."""
     work, settings = modules(extension, "live.background").background.Work, link.skin_calib

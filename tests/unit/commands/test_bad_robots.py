@@ -325,6 +325,7 @@ def test_folder_is_no_robot(tmp_path, capsys, monkeypatch, name):
 NAMES = ("a/b", "a_b", "a b", "../up", "腕", "base\u202e", "long" * 80)
 
 
+@pytest.mark.slow
 def test_links_of_any_name_have_plans_of_their_own(tmp_path, capsys):
     """Also names that differ only in characters that files cannot have; nothing is written outside of the folder."""
     (tmp_path / "in").mkdir()

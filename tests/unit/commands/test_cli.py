@@ -701,6 +701,7 @@ def test_output_that_is_full_is_one_line(tmp_path):
     assert done.stderr.startswith("skin-calib: writing the output failed: ") and "No space left" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="a shell that closes handles")
 @pytest.mark.parametrize(
     "closed",

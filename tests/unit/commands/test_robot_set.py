@@ -11,6 +11,7 @@ from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import CalibrationFormatError
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
 from skin_calib_addon.runtime import Body, load
+from tests.examples import slow
 from tests.shapes import cylinder
 from tests.unit.commands.test_cli import write_plan
 
@@ -257,7 +258,7 @@ def test_folder_without_the_set_says_so(robot, capsys):
 
 @pytest.mark.parametrize(
     "command",
-    [["show", "out", "--picture", "bot.png"], ["export", "out", "--to", "mjcf", "-o", "b.xml"]],
+    [slow(["show", "out", "--picture", "bot.png"]), ["export", "out", "--to", "mjcf", "-o", "b.xml"]],
 )
 def test_changed_urdf_is_named_where_it_is_used(robot, capsys, monkeypatch, command):
     """The skins were not compared with it; ``check`` says the same."""
