@@ -329,6 +329,7 @@ def test_bulk_check_agrees_with_the_reference(numbers, repeats):
     assert found == {f"/{len(good)}/{i}" for i in wrong}
 
 
+@pytest.mark.slow
 @given(document=st.lists(scalars | objects, max_size=3), repeats=st.integers(0, 3))
 @examples(1000)
 def test_bulk_check_of_choices_agrees_with_the_reference(document, repeats):

@@ -353,7 +353,7 @@ def test_ctrl_c_is_one_line(robot, capsys, monkeypatch, command):
     assert {path for path in robot.rglob("*") if path.is_file()} <= before
 
 
-@pytest.mark.parametrize("name", ["", "two&#10;lines"])
+@pytest.mark.parametrize("name", [slow(""), "two&#10;lines"])
 def test_a_link_without_a_usable_name_fails_alone(tmp_path, capsys, name):
     """One line from each command that needs the link, and the others are done."""
     urdf, out = plates(tmp_path, ("base", "middle", "end")), tmp_path / "out"
@@ -397,7 +397,9 @@ JOINTS_OF_ALL_TYPES = {
 }
 
 
-@pytest.mark.parametrize("kind", JOINTS_OF_ALL_TYPES)
+@pytest.mark.parametrize(
+    "kind", [kind if kind in ("revolute", "mimic") else slow(kind) for kind in JOINTS_OF_ALL_TYPES]
+)
 def test_joints_of_all_types_and_ranges_are_proposed(tmp_path, capsys, kind):
     """Each link gets a line, whatever the joint is, and nothing goes on for ever."""
     urdf = plates(tmp_path, ("base", "middle", "end", "last"))
@@ -415,6 +417,7 @@ def ctrl_c():
     raise KeyboardInterrupt
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("interrupt", [ctrl_c, partial(signal.raise_signal, signal.SIGTERM)], ids=["ctrl_c", "sigterm"])
 def test_proposals_continue_after_an_interruption(tmp_path, capsys, monkeypatch, interrupt):
     """Plans of finished links are written; the same call does the others, with the same bytes as without it."""

@@ -175,6 +175,7 @@ def test_boundary_is_kept_and_holds_for_skins():
     ]
 
 
+@pytest.mark.slow
 def test_boards_stay_inside_the_boundary():
     """All corners are inside a disc of 30 mm, but for what a board may protrude; without boundary they are not."""
     turn = np.linspace(0, 2 * np.pi, 48, endpoint=False)

@@ -21,6 +21,7 @@ from skin_calib_addon.plan.skins import ImportedSkin
 from skin_calib_addon.skin.imported import imported_taxels
 from skin_calib_addon.skin.single_taxels import chosen_taxels
 from skin_calib_addon.skin.uncertainty import taxel_uncertainty
+from tests.examples import slow
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, cylinder, with_hole
 from tests.unit.skin.test_board_planes import boards_around
 from tests.unit.skin.test_imported import taxel_set
@@ -63,7 +64,7 @@ def test_registration_is_that_of_the_skin(tmp_path):
 STATED = {"origin": 3e-4, "direction": 0.005}
 
 
-@pytest.mark.parametrize("kind", ["sheet", "hexagons", "imported"])
+@pytest.mark.parametrize("kind", ["sheet", slow("hexagons"), "imported"])
 def test_registration_of_the_plan_is_that_of_the_patch(kind, tmp_path):
     """Sigma at the anchor is its origin; away from it the direction adds; an anchor elsewhere moves the minimum."""
     skin = SHEET | {"registration": STATED}
