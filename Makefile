@@ -11,27 +11,34 @@ CONTROL = landing impacts g1_landing balance g1 faults rates rates_others wrench
 # One process for each processor, or PYTEST_XDIST_AUTO_NUM_WORKERS of them, each with one thread for linear algebra.
 PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist worksteal
 
-.PHONY: demo test check check-second docs format bench control control-test wheel extension samples clean
+.PHONY: demo test check check-second nightly everything docs format bench control control-test wheel extension samples clean
 
 demo: $(READY)  ## the main job on the sample: a calibration, a picture, a summary in out/
 	$(BIN)/python examples/demo.py
 
 test: $(READY)  ## the quick tests: they cover every module
-	$(PYTEST) -m "not slow and not window"
+	$(PYTEST) -m "not slow and not nightly and not window"
 
-check: $(READY) docs  ## lint, types, words, the extension, the documentation, all tests, those in a Blender window too
+check: docs test  ## lint, types, the documentation, the extension, the quick tests, slow ones, the whole job in a Blender window
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest -q tests/unit/test_language.py
 	$(BIN)/python scripts/make_extension.py --platform linux-x64
-	$(PYTEST) --hypothesis-profile=full
+	$(PYTEST) -m "(slow or window) and not nightly"
 
-check-second: $(READY)  ## for a second Python: types, the extension, the quick tests, all tests in its Blender
+check-second: $(READY)  ## for a second Python: the extension, the tests in its Blender
+	$(BIN)/python scripts/make_extension.py --platform linux-x64
+	$(PYTEST) tests/blender -m "not nightly"
+
+nightly:  ## everything, on both Pythons: more examples of each property, every window, whole robots, control; hours
+	.ci/run nightly
+
+everything: docs control-test  ## the part of "make nightly" with one Python
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python scripts/make_extension.py --platform linux-x64
-	$(PYTEST) tests/blender
-	$(PYTEST) -m "not slow and not window" --ignore=tests/blender
+	$(PYTEST) --hypothesis-profile=full $(TESTS)
 
 docs: $(VENV)/docs-ready  ## the documentation as a site in out/site; a wrong link, reference or formula fails
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict

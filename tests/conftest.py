@@ -11,7 +11,7 @@ from tests.examples import FULL
 
 os.environ.setdefault("MUJOCO_GL", "egl")  # as biped.py does, before any test imports mujoco: without a display
 
-settings.register_profile("quick", deadline=None, max_examples=12, derandomize=True)
+settings.register_profile("quick", deadline=None, max_examples=8, derandomize=True)
 settings.register_profile("full", deadline=None, max_examples=FULL, derandomize=True)
 settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile("quick")

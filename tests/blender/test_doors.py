@@ -28,7 +28,7 @@ def run(tmp_path):
     return run
 
 
-@pytest.mark.parametrize("name", [slow("wrist"), slow("sole"), "edge"])
+@pytest.mark.parametrize("name", [slow("wrist"), slow("sole"), slow("edge")])
 def test_sample_gives_the_same_bytes_with_every_interface(bpy, addon, run, tmp_path, name):
     """Operator, command in Blender, batch process and command line agree on each sample."""
     button, command, batch, plain = (tmp_path / f"{door}.json" for door in ("button", "command", "batch", "plain"))

@@ -32,6 +32,7 @@ def fitted(bpy):
         return False, str(error)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason="the meshes of real links are not in ../shared/data")
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", LINKS)

@@ -100,6 +100,7 @@ def test_dropped_file_is_read_without_a_question(bpy, name, path):
     assert bpy.context.object.name in ("wrist", "sample_wrist")
 
 
+@pytest.mark.slow
 def test_any_link_gets_a_proposal_that_fits(bpy):
     """The mesh of the object is used, whatever its file is named; the state has the next step, and the fit succeeds."""
     bpy.ops.skin_calib.import_mesh(filepath=str(WRIST))

@@ -42,7 +42,7 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("unit_scale", [1.0, 0.001])
+@pytest.mark.parametrize("unit_scale", [1.0, slow(0.001)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_plan_in_and_out_gives_the_same_bytes(
     bpy, plan_file, fit_plainly, fit_scene, tmp_path, capfd, kind, unit_scale

@@ -337,7 +337,7 @@ def test_mesh_without_faces_cannot_be_checked(bpy, addon):
     assert not bare.skin_calib.diagnosis.key
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(not MESHES, reason="no real links here: ../shared/data/meshes has no STL file")
 @pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
 def test_real_link_is_imported_unchanged(bpy, addon, path):

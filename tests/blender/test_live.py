@@ -133,6 +133,7 @@ def test_warnings_of_the_fit_before_a_change_are_named_as_such(bpy, updates, fol
     assert note in " ".join(draw(bpy, "status"))
 
 
+@pytest.mark.slow
 def test_fine_sheet_is_interpolated_in_the_preview_and_exact_in_the_file(
     bpy, addon, updates, plan_file, fit_plainly, tmp_path, monkeypatch
 ):

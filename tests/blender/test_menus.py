@@ -8,6 +8,7 @@ import pytest
 
 from tests.blender.conftest import BOARDS
 from tests.blender.test_registration import EXCHANGE, OPERATORS, Drawn, Layout
+from tests.examples import slow
 
 INTERNAL = {"import_wait", "choose_link", "take_advice"}  # a part of other operators
 
@@ -67,7 +68,7 @@ def facing(link, axis, least):
     return np.array([face.center[axis] > least for face in link.data.polygons])
 
 
-@pytest.mark.parametrize("by", ["selection", "group"])
+@pytest.mark.parametrize("by", ["selection", slow("group")])
 def test_faces_become_zones_without_boards(bpy, addon, plan_file, by):
     """No board is over a selected face; the plan keeps them as the zones that it has always had."""
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[BOARDS])))

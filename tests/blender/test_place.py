@@ -100,6 +100,7 @@ def test_link_that_cannot_be_clicked_on_is_refused(bpy, addon, link):
         addon.points_on_link.check_seen(link)
 
 
+@pytest.mark.slow
 def test_lines_of_the_manual_work(bpy):
     """The lines in ``docs/reference/window.md`` place boards on the sample sole and keep one zone free."""
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "sample_scenes" / "sole.blend"))

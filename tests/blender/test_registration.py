@@ -1,6 +1,6 @@
 """The extension can be removed without a trace, and each of its parts has a description."""
 
-from types import MethodType, SimpleNamespace
+from types import MethodType
 
 import pytest
 
@@ -277,14 +277,6 @@ def test_panel_shows_warnings_line_by_line(bpy, link):
     warning.advice = "Move it."
     expected = ["The surface is 7.1 mm off the mesh", "at the first plane.", "Move it."]
     assert draw(bpy, "status")[-3:] == expected
-
-
-def test_add_button_says_which_kind_it_adds(bpy):
-    """One operator has two buttons, with a tooltip for each."""
-    describe = bpy.types.SKIN_CALIB_OT_skin_add.description
-    for kind, words in KINDS.items():
-        button = SimpleNamespace(bl_rna=bpy.ops.skin_calib.skin_add.get_rna_type(), kind=kind)
-        assert describe(bpy.context, button) == f"Add {words} to the active link"
 
 
 def test_panel_says_what_to_do_next(bpy):

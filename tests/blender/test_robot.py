@@ -222,7 +222,7 @@ def test_saved_robot_is_the_same_after_opening(bpy, addon, robot, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["g1_description/g1_29dof_rev_1_0.urdf", "jvrc_description/urdf/jvrc1.urdf"])
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_real_robot_has_the_geometry_of_the_command_line(bpy, addon, name):
     """All links of a real robot, STL or DAE with package://, have the same bytes through both interfaces."""
     path = ROBOTS / name
@@ -313,6 +313,7 @@ def test_proposal_of_a_single_mesh_has_the_plan_of_the_command_line(bpy, documen
     assert document(bpy.context.object) == shown
 
 
+@pytest.mark.slow
 def test_proposal_next_to_a_link_that_cannot_be_read_says_so(bpy, tmp_path, capfd):
     """As a warning of the operator, and among the reasons in the panel."""
     written(subdivided(welded(trimesh.creation.cylinder(0.03, 0.12, sections=48))), tmp_path / "tube.ply")
@@ -328,6 +329,7 @@ def test_proposal_next_to_a_link_that_cannot_be_read_says_so(bpy, tmp_path, capf
     assert words in " ".join(draw(bpy, "reasons"))
 
 
+@pytest.mark.slow
 def test_link_that_is_renamed_during_a_proposal_keeps_its_name(bpy, link, extension, monkeypatch):
     """The surfaces and skins are those of the proposal; its fit is of a plan with another name, so it is outdated."""
     work, settings = modules(extension, "live.background").background.Work, link.skin_calib
@@ -385,6 +387,7 @@ def test_work_on_a_single_link_that_is_removed_is_refused(bpy, link, meanwhile):
         bpy.ops.skin_calib.fit_all()
 
 
+@pytest.mark.slow
 def test_propose_all_keeps_skins_that_are_added_while_it_works(bpy, plan_file, meanwhile, capfd):
     """The link that is worked on, and one that waits, can get a skin."""
     for name in ("a", "b"):
@@ -405,6 +408,7 @@ def test_propose_all_keeps_skins_that_are_added_while_it_works(bpy, plan_file, m
     assert "Proposed plans for 0 links; refused: 2" in out
 
 
+@pytest.mark.slow
 def test_propose_warns_of_changes_that_it_replaces(bpy, link, meanwhile, capfd):
     """It replaces the plan of the active link; what was changed while it worked can be wanted."""
     bpy.context.scene.skin_calib.skin = SKIN
@@ -448,7 +452,7 @@ def test_presets_of_the_skin_can_be_read(addon, extension):
     "file, link",
     [("g1_description/g1_29dof_rev_1_0.urdf", "head_link"), ("jvrc_description/urdf/jvrc1.urdf", "NECK_P_S")],
 )
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_proposal_of_a_real_link_has_the_plan_of_the_command_line(bpy, tmp_path, file, link):
     """The exported plan has the bytes of ``skin-calib propose``; the fit has those of ``skin-calib fit``."""
     path = ROBOTS / file

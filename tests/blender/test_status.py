@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.common import errors
 from tests.blender.conftest import modules
 from tests.blender.test_registration import Layout, draw
+from tests.examples import slow
 from tests.unit.test_docs import TROUBLES
 
 
@@ -115,7 +116,7 @@ def test_refusal_stays_while_plan_and_mesh_are_the_same(bpy, link, updates):
         assert state() == "The fit is refused", change
 
 
-@pytest.mark.parametrize("change", ["fit", "mesh", "skin", "plan"])
+@pytest.mark.parametrize("change", [slow("fit"), "mesh", slow("skin"), "plan"])
 def test_refused_proposal_is_shown_until_a_change(bpy, link, updates, change):
     """A fit, another mesh, skin or plan removes the refusal; until then the warnings of the last fit are below it."""
     link.skin_calib.skins.clear()

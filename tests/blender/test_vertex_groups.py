@@ -154,6 +154,7 @@ def test_zones_of_a_scaled_link_in_another_unit_are_in_metres(bpy, addon, exclud
     assert np.min(off, axis=0).max() < 1e-8 and max(zone.radius for zone in found) <= 0.01
 
 
+@pytest.mark.slow
 def test_command_line_has_the_same_boards(bpy, excluding, tmp_path, fit_scene, fit_plainly):
     """The exported plan has the faces of the group as excluded zones."""
     excluding.vertex_groups["screws"].add(vertices_of(excluding, 2, 0.085), 1.0, "REPLACE")

@@ -92,12 +92,16 @@ DRIVERS = [
 ]
 
 
-@pytest.mark.parametrize("driver, sample, size", DRIVERS)
+@pytest.mark.parametrize(
+    "driver, sample, size",
+    [pytest.param(*row, marks=() if row[0] == "drive_fit.py" else pytest.mark.nightly) for row in DRIVERS],
+)
 def test_window(archive, driver, sample, size, tmp_path):
     """Every step of the driver has its effect in the window."""
     drive(archive, tmp_path, size, driver, blend=SAMPLES / f"{sample}.blend" if sample else None)
 
 
+@pytest.mark.nightly
 def test_window_of_a_robot(archive, tmp_path):
     """All links of the Unitree G1 are imported and listed; one is proposed and fitted; Esc stops the others."""
     urdf = REAL["robot"]
@@ -107,6 +111,7 @@ def test_window_of_a_robot(archive, tmp_path):
     drive(archive, tmp_path, "1600x900", "drive_robot.py", urdf, blend=scene, timeout=1800, folder=urdf.parent)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("part", REAL)
 def test_tutorial_of_real_links(archive, part, tmp_path):
     """Every step of docs/tutorial/real_links.md has the effect that the page states."""

@@ -37,7 +37,7 @@ def places(case, choice, motion, mesh):
 
 @pytest.mark.parametrize(
     ("case", "choice"),
-    [("plate", "fill"), ("tube", "fill"), ("wrist", "all"), slow("disc", "fill"), slow("wrist", "fill")],
+    [("plate", "fill"), slow("tube", "fill"), ("wrist", "all"), slow("disc", "fill"), slow("wrist", "fill")],
 )
 def test_boards_do_not_depend_on_the_last_bits(case, choice):
     """Within a micrometre, the same boards have the same positions and cells."""

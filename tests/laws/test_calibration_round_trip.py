@@ -195,6 +195,7 @@ def assert_handled(document):
 CHANGED = [..., None, True, -1, 1.5, 1e308, "1.5", "s0.0", [], {}, [[0.0, 0.0, 0.0]]]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("value", [slow(value) for value in CHANGED], ids=repr)
 def test_any_changed_node_is_handled(value):
     """Each removed or replaced node gives findings or a calibration, not an exception."""
@@ -328,6 +329,7 @@ def test_bulk_check_agrees_with_the_reference(numbers, repeats):
     assert found == {f"/{len(good)}/{i}" for i in wrong}
 
 
+@pytest.mark.slow
 @given(document=st.lists(scalars | objects, max_size=3), repeats=st.integers(0, 3))
 @examples(1000)
 def test_bulk_check_of_choices_agrees_with_the_reference(document, repeats):

@@ -82,6 +82,8 @@ def test_each_side_of_a_thin_wall_feels_its_own_presses(wall):
     sphere = '<body name="sphere"><freejoint/><geom type="sphere" size="0.004" mass="0.1"/></body></worldbody>'
     model = mujoco.MjModel.from_xml_string(text.replace("</worldbody>", sphere))
     model.opt.gravity[:] = 0
+    discs = model.geom_type == mujoco.mjtGeom.mjGEOM_CYLINDER
+    assert discs.sum() == 2 * len(t.ids) and 2 * model.geom_size[discs, 1].max() < 0.51 * wall  # each in its half
     data = mujoco.MjData(model)
     for patch in (front, back):
         for name, place, normal in zip(patch.taxels.ids, patch.taxels.positions_link, patch.taxels.normals_link):

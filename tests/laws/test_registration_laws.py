@@ -34,7 +34,7 @@ def test_any_motion_of_a_large_piece_is_undone(seed, fraction):
     assert np.linalg.norm(fit(motion.points(points)) - points, axis=1).max() < 1e-5
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @examples(4)
 @given(seed=seeds, noise=st.floats(0, 5e-4))
 def test_noise_moves_the_pose_by_at_most_the_slack(seed, noise):
@@ -46,7 +46,7 @@ def test_noise_moves_the_pose_by_at_most_the_slack(seed, noise):
     assert np.linalg.norm(fit(motion.points(points)) - points, axis=1).mean() <= fit.slack
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @examples(3)
 @given(seed=seeds)
 def test_moving_the_mesh_moves_the_cloud(seed):
@@ -58,7 +58,7 @@ def test_moving_the_mesh_moves_the_cloud(seed):
     assert_allclose(there.slack, here.slack, rtol=1e-2)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @examples(2)
 @given(seed=seeds)
 def test_order_and_repetition_do_not_matter(seed):

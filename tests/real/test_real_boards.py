@@ -45,7 +45,7 @@ def test_boards_of_a_real_link_are_those_of_the_committed_file(case):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_boards_of_a_real_link_do_not_depend_on_the_last_bits(case):
     """The same boards at the same places after a motion, another order of the faces, and noise of a nanometre."""
     stem, side = case

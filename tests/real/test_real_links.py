@@ -79,6 +79,7 @@ def test_real_link_is_fitted_or_says_why_not(path):
     assert fit.errors.surface_to_mesh.mean <= fit.errors.surface_to_mesh.max <= fit.errors.hausdorff < cover.size
 
 
+@pytest.mark.nightly
 def test_tolerance_over_steps_is_not_given_up_too_early():
     """The middle of the TALOS forearm: more planes gain nothing there, more lines do, and 0.2 mm can be kept."""
     cuts = Cut((0.0, 0.0, 0.045), UP), Cut((0.0, 0.0, 0.165), (0.0, 0.0, -1.0))
@@ -128,6 +129,7 @@ def test_inner_boxes_of_the_paper_wrist_are_dropped():
 SEEN_LINKS = [path for path in MESHES if "light" not in path.stem and "collision" not in path.stem]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("path", SEEN_LINKS, ids=lambda path: path.stem)
 def test_what_is_seen_of_a_real_link_is_fitted_or_refused(path):
     """It is part of the mesh, and contains what is outermost; the fit ends with a surface or with an error."""

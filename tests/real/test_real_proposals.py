@@ -5,7 +5,7 @@ import pytest
 from skin_calib_addon.geometry import load_mesh
 from skin_calib_addon.pipeline import calibrate
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from tests.unit.test_robots_benchmark import robots  # noqa: F401  a fixture
 
 G1 = Path(__file__).parents[3] / "shared" / "data" / "robots" / "g1_description" / "g1_29dof_rev_1_0.urdf"
 LINKS = ("left_shoulder_pitch_link", "left_shoulder_roll_link", "left_wrist_roll_link", "left_wrist_yaw_link")
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(not G1.exists(), reason=f"no real robots here: {G1} is missing")]
+pytestmark = [pytest.mark.nightly, pytest.mark.skipif(not G1.exists(), reason=f"no real robots here: {G1} is missing")]
 
 
 @pytest.fixture(scope="module")

@@ -63,6 +63,7 @@ def boards_on(fit, side=0.01):
     return board_taxels(boards, "b", overhang=overhang)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("placed", [sheet_on, boards_on])
 @pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
 def test_no_normal_of_a_real_link_is_flipped(path, placed):

@@ -161,15 +161,6 @@ def test_each_picture_has_a_command():
     assert len(programs) == 8 and all((ROOT / program).is_file() for program in programs)
 
 
-def test_readme_states_the_polygons_of_the_results():
-    """The number of guaranteed polygons of the simulated foot is the sum of those in its table."""
-    row = re.search(
-        r"\| guaranteed polygon inside the true one \|(.*)", (DOCS / "explanation/results.md").read_text("utf-8")
-    )
-    inside, frames = (sum(map(int, column)) for column in zip(*re.findall(r"(\d+) of (\d+)", row[1])))
-    assert f"in {inside} of {frames} frames" in (ROOT / "README.md").read_text("utf-8")
-
-
 @pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda page: page.stem)
 def test_files_of_the_repository_exist(page):
     """Each file that a page names by its path in the repository is there."""

@@ -37,6 +37,7 @@ def rows_of(robots, kept):
     return {**robots.of_proposal(urdf, out, said), **robots.of_taxels(urdf, out)}
 
 
+@pytest.mark.nightly
 def test_figures_of_plates_are_those_of_their_geometry(robots, kept):
     """All of each plate is free; boards are exactly on it, and their area follows from their number."""
     rows = rows_of(robots, kept)
@@ -53,6 +54,7 @@ def test_figures_of_plates_are_those_of_their_geometry(robots, kept):
     assert re.fullmatch(r"fit --propose [\d.]+, propose [\d.]+, fit [\d.]+, export [\d.]+", rows["CPU seconds"])
 
 
+@pytest.mark.nightly
 def test_presses_of_links_whose_names_have_slashes_are_felt(benchmarks, tmp_path):
     """Sensors are named LINK/ID, and ids have the name of the link, too."""
     presses = pytest.importorskip("presses")
@@ -71,6 +73,7 @@ def test_presses_of_links_whose_names_have_slashes_are_felt(benchmarks, tmp_path
     assert (found.count, found.alone, found.links, found.wrong) == (18, 18, 2, ())
 
 
+@pytest.mark.nightly
 def test_damage_is_found(robots, kept, tmp_path):
     """A taxel 2 mm off, a normal 20 degrees off, one that points inward, one board moved onto another."""
     urdf, out, said = kept
@@ -103,6 +106,7 @@ def test_damage_is_found(robots, kept, tmp_path):
     assert inward == 1 and overlapping >= 1
 
 
+@pytest.mark.nightly
 def test_mirrored_links_and_layouts_are_counted(robots, tmp_path):
     """A taxel that is moved by 0.2 mm has this distance; one that is moved by 2 mm has no partner."""
     urdf, out = plates(tmp_path, ("base", "left", "right"), link2=MIRRORED), tmp_path / "out"
@@ -124,6 +128,7 @@ def test_mirrored_links_and_layouts_are_counted(robots, tmp_path):
         assert float(median) < 0.03 and float(most) == pytest.approx(largest, abs=0.03)
 
 
+@pytest.mark.nightly
 def test_page_gets_table_and_pictures(robots, kept, tmp_path, capsys, monkeypatch):
     """Between its marks; robots without data are left out with a message."""
     urdf, out, said = kept

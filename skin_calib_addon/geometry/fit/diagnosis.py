@@ -22,8 +22,8 @@ NEARLY_FOLDED_AREA = 0.02
 # the point counts as a fold.
 FOLDED_AREA = -1e-3
 # [m] distance of the surface from the mesh above which a fit is refused, unless the plan states another. Of 38 surfaces
-# of real links that do not fold, the 37 that follow the mesh but for a step are up to 9.0 mm off, a wrong one 13.2 mm
-# (``benchmarks/deviations.py``). Larger: wrong surfaces are allowed.
+# of real links that do not fold, the 37 that follow the mesh but for a step are up to 9.0 mm off, a wrong one 13.2 mm.
+# Larger: wrong surfaces are allowed.
 MAX_DEVIATION = 0.01
 # [1] ratio of the distance above which there is a warning to this distance. 20 of these surfaces are up to 2.0 mm off:
 # those of links without steps. Larger: fewer warnings.

@@ -120,6 +120,17 @@ def test_dead_zone_gives_no_force():
     assert "all read 0. The sensor does not react to smaller forces" in text
 
 
+@pytest.mark.parametrize(("least", "quantity"), [(0.5, "force"), (20.0, "temperature")])
+def test_rest_has_the_least_value_of_the_dead_zone(least, quantity):
+    """No measurement is below 0.5 N, or 20 degC: the reading of the dead zone gives this, neither 0 nor a mean."""
+    values = least * np.linspace(1, 9, 81)
+    readings = np.rint(np.maximum(values / least - 3, 0.0) * 40)
+    fit = fit_response(readings, values, quantity, "unit")
+    assert len(about(fit, "dead-zone")) == 1
+    assert_allclose(fit.response.values(0.0), least, rtol=0.02)
+    assert_allclose(fit.response.values(120.0), 6 * least, rtol=0.02)
+
+
 def cycles(lag, noise=0.5):
     """Return three cycles up to 12 N and back; the reading lags by a force in both directions."""
     forces = np.tile(np.concatenate((np.linspace(0, 12, 40), np.linspace(12, 0, 40))), 3)

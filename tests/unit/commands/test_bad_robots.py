@@ -13,6 +13,7 @@ from skin_calib_addon.cli import main
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
 from skin_calib_addon.pictures import robot as robot_picture
 from skin_calib_addon.proposal import links as proposal_links
+from tests.examples import slow
 from tests.shapes import cylinder
 from tests.unit.commands.test_cli import write_plan
 
@@ -107,7 +108,7 @@ def test_check_names_the_robot_that_cannot_be_read(robot, capsys, case):
     assert words in out and out.count("arm.calibration.json: 0 errors") == 1
 
 
-@pytest.mark.parametrize("damage", ["missing", "damaged", "without faces", "too large"])
+@pytest.mark.parametrize("damage", ["damaged", slow("missing"), slow("without faces"), slow("too large")])
 def test_one_broken_link_stops_no_other(robot, capsys, damage):
     """``fit``, ``show`` and ``export`` do the other links."""
     mesh = robot / "hand.ply"
@@ -184,7 +185,9 @@ BROKEN_LINKS = {
 }
 
 
-@pytest.mark.parametrize("case", BROKEN_LINKS)
+@pytest.mark.parametrize(
+    "case", [case if case in ("missing", "wrong unit", "damaged", "nan") else slow(case) for case in BROKEN_LINKS]
+)
 def test_plans_of_the_other_links_are_proposed(tmp_path, capsys, case):
     """One line about the broken link, a plan for each other, and code 1."""
     visual, words = BROKEN_LINKS[case]
@@ -202,6 +205,7 @@ def test_plans_of_the_other_links_are_proposed(tmp_path, capsys, case):
     assert sorted(path.name for path in (tmp_path / "plans").iterdir()) == ["base.plan.json", "end.plan.json"]
 
 
+@pytest.mark.slow
 def test_commands_of_the_readme_follow_each_other(tmp_path, capsys):
     """The plans name the robot, and the folder of the calibrations need not exist."""
     pytest.importorskip("mujoco")
@@ -219,6 +223,7 @@ def test_commands_of_the_readme_follow_each_other(tmp_path, capsys):
     assert [link["parent"] for link in document["links"]] == [None, "middle", "base"]
 
 
+@pytest.mark.slow
 def test_robot_is_that_of_all_plans_or_of_an_earlier_fit(tmp_path, capsys):
     """A plan with another mesh leaves the robot open, and fit states why; a URDF that was named stays."""
     urdf, out = plates(tmp_path, ("base", "middle", "end")), tmp_path / "out"
@@ -320,6 +325,7 @@ def test_folder_is_no_robot(tmp_path, capsys, monkeypatch, name):
 NAMES = ("a/b", "a_b", "a b", "../up", "腕", "base\u202e", "long" * 80)
 
 
+@pytest.mark.slow
 def test_links_of_any_name_have_plans_of_their_own(tmp_path, capsys):
     """Also names that differ only in characters that files cannot have; nothing is written outside of the folder."""
     (tmp_path / "in").mkdir()
@@ -347,7 +353,7 @@ def test_ctrl_c_is_one_line(robot, capsys, monkeypatch, command):
     assert {path for path in robot.rglob("*") if path.is_file()} <= before
 
 
-@pytest.mark.parametrize("name", ["", "two&#10;lines"])
+@pytest.mark.parametrize("name", [slow(""), "two&#10;lines"])
 def test_a_link_without_a_usable_name_fails_alone(tmp_path, capsys, name):
     """One line from each command that needs the link, and the others are done."""
     urdf, out = plates(tmp_path, ("base", "middle", "end")), tmp_path / "out"
@@ -391,7 +397,9 @@ JOINTS_OF_ALL_TYPES = {
 }
 
 
-@pytest.mark.parametrize("kind", JOINTS_OF_ALL_TYPES)
+@pytest.mark.parametrize(
+    "kind", [kind if kind in ("revolute", "mimic") else slow(kind) for kind in JOINTS_OF_ALL_TYPES]
+)
 def test_joints_of_all_types_and_ranges_are_proposed(tmp_path, capsys, kind):
     """Each link gets a line, whatever the joint is, and nothing goes on for ever."""
     urdf = plates(tmp_path, ("base", "middle", "end", "last"))
@@ -409,6 +417,7 @@ def ctrl_c():
     raise KeyboardInterrupt
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("interrupt", [ctrl_c, partial(signal.raise_signal, signal.SIGTERM)], ids=["ctrl_c", "sigterm"])
 def test_proposals_continue_after_an_interruption(tmp_path, capsys, monkeypatch, interrupt):
     """Plans of finished links are written; the same call does the others, with the same bytes as without it."""

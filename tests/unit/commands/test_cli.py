@@ -696,6 +696,7 @@ def test_inner_parts_are_cut_away(folder, capsys):
         assert f"both.stl: 348 faces; cover {faces} faces" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_reader_that_leaves_early_is_no_error(tmp_path):
     """``skin-calib show FILE | head -1`` ends without an error message."""
     path = tmp_path / "c.json"
@@ -719,6 +720,7 @@ def test_output_that_is_full_is_one_line(tmp_path):
     assert done.stderr.startswith("skin-calib: writing the output failed: ") and "No space left" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="a shell that closes handles")
 @pytest.mark.parametrize(
     "closed",

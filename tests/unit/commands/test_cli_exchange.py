@@ -204,6 +204,7 @@ def test_import_on_a_plan_is_a_calibration(folder, capsys):  # noqa: F811
     assert patch.name == "band" and patch.taxels.ids[:3] == ("band.1", "band.10", "band.11")
 
 
+@pytest.mark.slow
 def test_wrong_frame_is_an_error_whose_suggestion_works(folder, capsys):  # noqa: F811
     """The skin has a unique pose on the link: the frame in the message is accepted unchanged."""
     positions, _ = on_tube(60)

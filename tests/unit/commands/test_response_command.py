@@ -8,6 +8,7 @@ import pytest
 from skin_calib_addon.calibration import Response, ResponseTable, TaxelResponses, load_calibration, save_calibration
 from skin_calib_addon.calibration.response_fit import fit_response
 from skin_calib_addon.cli import main
+from tests.examples import slow
 from tests.samples import boards, sheet, small_calibration
 from tests.unit.calibration.test_response_fit import forearm, forearm_truth, presses
 from tests.unit.commands.test_cli import assert_refused
@@ -131,7 +132,7 @@ def test_warnings_name_their_taxel(folder, capsys):
     assert len(lines) == 3 and (folder / "out.json").exists()
 
 
-@pytest.mark.parametrize("taxels", [0, 2, 8])
+@pytest.mark.parametrize("taxels", [0, slow(2), slow(8)])
 def test_picture_shows_curve_and_residuals(folder, taxels):
     """Measurements and curve on the left, residuals on the right; the same bytes again."""
     names = sum((p.taxels.ids for p in small_calibration().patches), ())[:taxels]

@@ -2,6 +2,8 @@
 
 import json
 import os
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import CalibrationFormatError
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
 from skin_calib_addon.runtime import Body, load
+from tests.examples import slow
 from tests.shapes import cylinder
 from tests.unit.commands.test_cli import write_plan
 
@@ -25,16 +28,24 @@ def write_urdf(folder, links=LINKS):
     (folder / "bot.urdf").write_text(URDF.format(*links, "".join(mesh.format(name) for name in links)))
 
 
-@pytest.fixture
-def robot(tmp_path):
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
     """A folder with a URDF and two plans, fitted into the folder ``out``."""
-    (tmp_path / "out").mkdir()
-    write_urdf(tmp_path)
+    folder = tmp_path_factory.mktemp("robot")
+    (folder / "out").mkdir()
+    write_urdf(folder)
     for name in LINKS:
-        save_mesh(cylinder(around=24, along=8), tmp_path / f"{name}.ply")
-        write_plan(tmp_path, name, link=name, mesh=f"{name}.ply")
-    assert main(["fit", str(tmp_path / "bot.urdf"), "-o", str(tmp_path / "out")]) == 0
-    return tmp_path
+        save_mesh(cylinder(around=24, along=8), folder / f"{name}.ply")
+        write_plan(folder, name, link=name, mesh=f"{name}.ply")
+    assert main(["fit", str(folder / "bot.urdf"), "-o", str(folder / "out")]) == 0
+    return folder
+
+
+@pytest.fixture
+def robot(fitted, tmp_path, capsys):
+    """A copy of it."""
+    capsys.readouterr()
+    return Path(shutil.copytree(fitted, tmp_path, dirs_exist_ok=True))
 
 
 def check(robot, capsys):
@@ -258,7 +269,7 @@ def test_folder_without_the_set_says_so(robot, capsys):
 
 @pytest.mark.parametrize(
     "command",
-    [["show", "out", "--picture", "bot.png"], ["export", "out", "--to", "mjcf", "-o", "b.xml"]],
+    [slow(["show", "out", "--picture", "bot.png"]), ["export", "out", "--to", "mjcf", "-o", "b.xml"]],
 )
 def test_changed_urdf_is_named_where_it_is_used(robot, capsys, monkeypatch, command):
     """The skins were not compared with it; ``check`` says the same."""

@@ -12,6 +12,7 @@ import pytest
 from skin_calib_addon.commands import worker_processes
 from skin_calib_addon.commands.worker_processes import run_tasks
 from skin_calib_addon.common.atomic_file import write_bytes_safely
+from tests.examples import slow
 
 ROOT = Path(__file__).parents[3]
 DEATHS = {
@@ -71,7 +72,7 @@ def test_tasks_run_in_the_requested_number_of_processes():
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signals")
 @pytest.mark.parametrize("death", DEATHS)
-@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize("count", [slow(1), 3])
 def test_crashed_process_loses_only_its_own_task(death, count):
     """Other processes or a new one run the other tasks; the cause of the crash is reported."""
     done = dict(run_tasks(work, [0, death, 1, death, 2], count, lost))

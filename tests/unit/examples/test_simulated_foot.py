@@ -20,6 +20,7 @@ def simulated():
     return module.runs(12)
 
 
+@pytest.mark.nightly
 def test_foot_of_our_own_skin_agrees_with_the_simulator(simulated):
     """Loads agree to 3 %, CoPs to a tenth of a cell on plain ground; every guaranteed polygon is in the true region."""
     for run in simulated:
@@ -31,6 +32,7 @@ def test_foot_of_our_own_skin_agrees_with_the_simulator(simulated):
     assert sum(run.guaranteed[1] for run in simulated) >= 20
 
 
+@pytest.mark.nightly
 def test_truth_of_the_simulator_is_complete(simulated):
     """The contacts carry the weight of the foot and the load, and lateral forces, which taxels do not measure."""
     for run in simulated:

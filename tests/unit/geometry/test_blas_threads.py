@@ -73,6 +73,7 @@ def test_error_restores_the_number(two_threads):
     assert threads() == before
 
 
+@pytest.mark.slow
 def test_bytes_do_not_depend_on_the_number_of_threads(tmp_path):
     """One and four threads: the same calibration of the wrist."""
     for count in ("1", "4"):

@@ -13,12 +13,13 @@ from skin_calib_addon.inspection.all_taxels import AllTaxels
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.pipeline.place_skins import Draft, place_all
 from skin_calib_addon.pipeline.report import report_document, summary
-from skin_calib_addon.plan import Plan
+from skin_calib_addon.plan import Plan, plan_from
 from skin_calib_addon.plan.document import skins_from
 from skin_calib_addon.plan.plan import Surface
 from skin_calib_addon.runtime import load
 from skin_calib_addon.skin.warnings import normal_warnings
 from tests.shapes import Z_AXIS, cylinder
+from tests.shapes import sheet as flat_sheet
 
 RADIUS = 0.05
 SHEET = {
@@ -143,6 +144,27 @@ def test_normals_that_are_oblique_to_the_faces_below_are_named(tmp_path):
         assert f"{len(height)} of 30 normals of band are more than 15 degrees" in found.message
     (found,) = (w for w in calibrate(plan, ridge).warnings if w.code == "oblique")
     assert found.where.taxels
+
+
+def test_cells_are_compared_with_the_mesh_as_it_is_given(tmp_path):
+    """The fit leaves a high vertex out; a trimmed sheet has no cell there, and a warning names those of another one."""
+    plate = flat_sheet(lambda x, y: 0 * x)
+    highest = int(np.linalg.norm(plate.vertices - plate.vertices.mean(axis=0), axis=1).argmin())
+    vertices = plate.vertices.copy()
+    vertices[highest, 2] += 0.004
+    grid = {"kind": "patch", "n": 6, "lines": 6, "normal": [0, 0, 1], "margin": 0.002}
+    lattice = {"kind": "sheet", "rows": 9, "columns": 11, "pitch": [0.004, 0.004], "direction": [1, 0, 0]}
+    skins = [lattice | {"name": name, "origin": "center", "trim": name == "trimmed"} for name in ("trimmed", "whole")]
+    document = {"format": "skin-plan", "version": 1, "link": "plate", "mesh": "plate.ply", "unit": "m"}
+    result = calibrate(plan_from(document | {"grid": grid, "skins": skins}), replace(plate, vertices=vertices))
+    trimmed, whole = result.calibration.patches
+    near = np.linalg.norm(whole.taxels.positions_link - plate.vertices[highest], axis=1) < 2e-3
+    assert near.any() and len(whole.taxels.ids) == 99
+    left_out = {name.partition(".")[2] for name in whole.taxels.ids} - {n.partition(".")[2] for n in trimmed.taxels.ids}
+    named = {name for w in result.warnings if w.code == "oblique" for name in w.where.taxels}
+    for name in np.array(whole.taxels.ids)[near]:
+        assert name.partition(".")[2] in left_out
+    assert 0 < len(left_out) < 16 and {name.partition(".")[0] for name in named} >= {"whole"}
 
 
 def test_tilts_of_boards_are_to_their_neighbours_of_all_skins(tmp_path):

@@ -75,8 +75,8 @@ def moved_away(plan, result):
 @pytest.mark.parametrize(
     "skin",
     [
-        pytest.param(CENTRED, id="centred"),
-        pytest.param(SHEET | PLACED, id="placed"),
+        slow(CENTRED, id="centred"),
+        slow(SHEET | PLACED, id="placed"),
         pytest.param(SHEET | HIGH | {"hand": "left", "offset": 0.002}, id="left"),
         pytest.param(SHEET | {"landmarks": MARKS}, id="landmarks"),
         slow(BOARDS | {"cells": "fill"}, id="fill"),

@@ -45,6 +45,16 @@ def test_each_skin_is_on_its_surface():
     assert (both.patches[1].taxels.normals_link[:, 0] < -0.5).all()
 
 
+def test_mean_and_worst_fit_are_those_of_the_least_exact_surface():
+    """A coarse back, in any order of the surfaces: window and commands state its mean as that of the link."""
+    coarse = BACK | {"grid": BACK["grid"] | {"n": 4, "lines": 5}}
+    for surfaces in ([FRONT, coarse], [coarse, FRONT]):
+        result = calibrate(plan_from(PLAN | {"surfaces": surfaces, "skins": []}), MESH)
+        front, back = (result.fits[name].errors.surface_to_mesh for name in ("front", "back"))
+        assert result.mean == back.mean > 1.5 * front.mean
+        assert result.worst_fit is result.fits["back"]
+
+
 def test_command_line_and_runtime_know_all_surfaces(tmp_path, capsys):
     """Fit, check, show, report and picture name both surfaces; the runtime loads the file."""
     save_mesh(MESH, tmp_path / "torso.ply")
@@ -165,6 +175,7 @@ def test_boundary_is_kept_and_holds_for_skins():
     ]
 
 
+@pytest.mark.slow
 def test_boards_stay_inside_the_boundary():
     """All corners are inside a disc of 30 mm, but for what a board may protrude; without boundary they are not."""
     turn = np.linspace(0, 2 * np.pi, 48, endpoint=False)

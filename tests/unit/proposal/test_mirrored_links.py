@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.calibration.file import load_calibration
 from skin_calib_addon.cli import main
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh, weld
+from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan, plan_document, plan_from
 from skin_calib_addon.proposal.moved_plan import moved_plan
 from skin_calib_addon.robot.mirrored import Twin
@@ -90,3 +92,31 @@ def test_moved_plan_is_what_its_file_gives():
     assert plan_from(plan_document(moved)) == moved
     (found,) = moved.surfaces[0].cover.cuts
     assert found.point == pytest.approx((0.10001, -0.20002, 0.30003)) and found.normal == (0, -1, 0)
+
+
+@pytest.mark.parametrize("mirrored", [True, False])
+def test_skins_of_a_moved_plan_are_the_moved_skins(mirrored):
+    """A sheet and boards on a sector that is no mirror image of itself: each taxel of the twin is that of the link."""
+    transform, side = np.eye(4), -1 if mirrored else 1
+    transform[:3, :3] = Rotation.from_euler("xyz", (0.3, -0.2, 0.5)).as_matrix() @ np.diag((1, side, 1))
+    transform[:3, 3] = 0.05, -0.1, 0.2
+    axis = {"point": [0, 0, 0], "direction": [0.15, 0, 1]}
+    grid = {"kind": "patch", "axis": axis, "from": -0.4, "to": 1.3, "margin": 0.03, "n": 6, "lines": 8}
+    grid["spacing"] = "uniform"
+    place = {"origin": [0.05, 0.02, 0.0], "direction": [0.2, 1, 0.3]}
+    cells = [[0, 0], [1, 0], [0, 1], [-1, 2]]
+    skins = [
+        {"name": "s", "kind": "sheet", "rows": 3, "columns": 4, "pitch": [0.006, 0.008], "hand": "left"} | place,
+        {"name": "b", "kind": "hexagons", "side": 0.006, "cells": cells} | place,
+    ]
+    document = {"format": "skin-plan", "version": 1, "link": "left", "mesh": "left.ply", "unit": "m"}
+    plan = plan_from(document | {"grid": grid, "skins": skins})
+    mesh = arm()
+    faces = mesh.faces[:, ::-1] if mirrored else mesh.faces
+    there = weld(mesh.vertices @ transform[:3, :3].T + transform[:3, 3], faces)
+    here, found = calibrate(plan, mesh), calibrate(moved_plan(plan, "right", Twin("left", transform, 0.0)), there)
+    for a, b in zip(here.calibration.patches, found.calibration.patches):
+        assert len(a.taxels.ids) == len(b.taxels.ids) > 3
+        expected = a.taxels.positions_link @ transform[:3, :3].T + transform[:3, 3]
+        np.testing.assert_allclose(b.taxels.positions_link, expected, atol=5e-5)
+        np.testing.assert_allclose(b.taxels.normals_link, a.taxels.normals_link @ transform[:3, :3].T, atol=1e-3)

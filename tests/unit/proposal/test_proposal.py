@@ -76,6 +76,7 @@ def test_all_sides_of_a_box_are_covered():
     assert sum(p.area for p in found) == pytest.approx(on.areas[on.covered].sum(), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("skin", "words"),
     [
@@ -97,6 +98,7 @@ def corrugated(wavelength):
     return sheet(wave, (0.16, 0.08), (160, 20))
 
 
+@pytest.mark.slow
 def test_plan_states_the_largest_piece_without_skin(tmp_path, capsys):
     """On waves no surface is near the mesh; on the rims of a box no large board fits. Small pieces are not stated."""
     words = "The largest piece of the free area without skin has "
@@ -161,6 +163,7 @@ def test_a_flat_plate_is_covered(turn):
     assert on.areas[on.covered].sum() > 0.75 * on.areas.sum()
 
 
+@pytest.mark.slow
 def test_faces_that_look_at_another_part_of_their_link_are_covered(tmp_path):
     """The inner sides of two plates 60 mm apart: rays from outside hit the other plate. The file of the plan fits."""
     plates = [box((-0.06, -0.04, z), (0.06, 0.04, z + 0.004)) for z in (0.0, 0.064)]

@@ -179,7 +179,7 @@ def test_unknown_link_is_an_error():
         keep_out(robot(Joint("j", "fixed", "base", "arm")), {}, "bsae", np.zeros((0, 3)), np.zeros((0, 3)))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "file, low, high",
     [("g1_description/g1_29dof_rev_1_0.urdf", 0.5, 0.62), ("jvrc_description/urdf/jvrc1.urdf", 0.66, 0.78)],

@@ -107,7 +107,7 @@ def test_partners_are_5_mm_from_the_mirror_image():
         assert symmetry(links)[across, across] == -1
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "file, left, right, count",
     [

@@ -417,7 +417,7 @@ def face(normal, rows, columns, direction, low, high, axis):
     return {"cover": {"cuts": cuts}, "grid": grid, "skins": [skin | {"direction": direction}], "max_deviation": 0.05}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(not (ROBOTS / G1).exists(), reason="the robots are not here")
 def test_whole_body_of_a_real_robot(tmp_path, capsys):
     """200 taxels of seven links of G1, whose concave links have collision shapes above the skin.

@@ -12,6 +12,7 @@ from skin_calib_addon.runtime import Skin
 from skin_calib_addon.runtime import batch as batch_module
 from skin_calib_addon.runtime.components import component_counts
 from skin_calib_addon.runtime.geometry import neighbour_table
+from tests.examples import slow
 from tests.oracles import components as flood_fill
 from tests.samples import cylinder, plane, small_calibration
 from tests.soles import skin_of, sole_patch
@@ -104,7 +105,7 @@ SKINS = {
 }
 
 
-@pytest.mark.parametrize("block", [2**20, 1000])
+@pytest.mark.parametrize("block", [slow(2**20), 1000])
 @pytest.mark.parametrize("has_times", [True, False])
 @pytest.mark.parametrize("name", SKINS)
 def test_batch_equals_the_loop(monkeypatch, name, has_times, block):

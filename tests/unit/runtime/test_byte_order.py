@@ -5,6 +5,7 @@ import pytest
 
 from skin_calib_addon.calibration import Response
 from skin_calib_addon.runtime import Skin
+from tests.examples import slow
 from tests.samples import plane, small_calibration
 from tests.soles import sole_patch
 
@@ -37,8 +38,8 @@ def flagged_after(skin, readings, period, start=10.0):
     return None
 
 
-CONVERTERS = [(12, 2.0), (12, 0.5), (16, 32.0), (16, 8.0)]
-PERIODS = [0.001, 0.004, 0.04]
+CONVERTERS = [(12, 2.0), slow(12, 0.5), slow(16, 32.0), (16, 8.0)]
+PERIODS = [slow(0.001), 0.004, 0.04]
 
 
 @pytest.mark.parametrize(("bits", "noise"), CONVERTERS)
@@ -83,7 +84,7 @@ def test_rest_near_zero_is_flagged_with_a_range():
     assert flagged_after(sole(12), swapped, 0.004) is None
 
 
-@pytest.mark.parametrize("shift", [0, 4, 6, 7, 8])
+@pytest.mark.parametrize("shift", [0, slow(4), slow(6), 7, slow(8)])
 @pytest.mark.parametrize("period", PERIODS)
 def test_correct_order_is_not_flagged(shift, period):
     """Readings of 8 to 16 bits at either end of the word, at rest, under load and with contacts that jump."""

@@ -74,7 +74,7 @@ def pushes(count, rng):
 
 @pytest.mark.parametrize("name", SKINS)
 @pytest.mark.parametrize("options", [{}, {"switch_on": 0.2}, {"creep": (0.2, 0.5)}, slow({"follow_drift": False})])
-@pytest.mark.parametrize("most", [0, 1, 5, 200])
+@pytest.mark.parametrize("most", [slow(0), 1, slow(5), 200])
 def test_frames_of_events_are_those_of_full_readings(name, options, most):
     """Random events, from none to more than there are channels, with repeated ones; the last of them counts."""
     rng = np.random.default_rng(most)

@@ -345,7 +345,7 @@ def test_polygons_of_a_frame_are_its_own():
             assert getattr(ours, name).corners.tolist() == getattr(fresh, name).corners.tolist()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_memory_does_not_grow():
     """Thousands of frames with other contacts leave no more memory allocated than a few."""
     skin, rng = sole(), np.random.default_rng(0)

@@ -1,5 +1,6 @@
 """Statements under noise: guaranteed and outer polygons, feet in the air, standard deviations, unknown noise."""
 
+from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
@@ -167,9 +168,17 @@ def test_foot_above_the_limit_of_its_sum_stands():
     assert np.sqrt(np.mean(np.square(errors))) < 2
 
 
-def test_standard_deviations_are_those_of_repeated_readings():
-    """Load, wrench, CoP and ZMP scatter as stated, for forces that are clear everywhere."""
-    rng, skin = np.random.default_rng(4), sole()
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.15, -0.08)], ids=["below the link frame", "next to it"])
+def test_standard_deviations_are_those_of_repeated_readings(shift):
+    """Load, wrench, CoP and ZMP scatter as stated, for forces that are clear everywhere, wherever the link frame is."""
+    rng, centred = np.random.default_rng(4), sole_patch()
+    taxels = centred.taxels
+    moved = replace(
+        taxels, positions_link=taxels.positions_link + (*shift, 0), corners_link=taxels.corners_link + (*shift, 0)
+    )
+    response = Response((0.0, NEWTONS))
+    patches = (replace(centred, taxels=moved),)
+    skin = Skin(small_calibration(link="sole", patches=patches, surfaces=(plane(),), response=response))
     skin.tare(read(rng, FREE, frames=250))
     forces = np.full(N, 8.0)
     frames = [skin.update(reading, 0.01 * k) for k, reading in enumerate(read(rng, forces, frames=800))]
@@ -584,7 +593,7 @@ def test_full_scale_without_a_range_is_stuck(noise):
     assert frame.stuck.nonzero()[0].tolist() == [1]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("noise", [2.0, 0.5])
 @pytest.mark.parametrize("offset", [0.0, 50.0])
 def test_live_readings_are_not_called_lies(noise, offset):

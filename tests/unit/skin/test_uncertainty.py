@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration.model import Registration
+from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.geometry import AcrossGrid, TubeGrid, fit_surface
 from skin_calib_addon.skin import Landmark, SheetLattice, sheet_taxels, wrap_sheet
 from skin_calib_addon.skin.uncertainty import (
@@ -88,6 +89,24 @@ def test_half_or_double_a_sigma_covers_wrongly(stated, scale):
     along, height, angle = errors_over_sigma(stated, scale)
     assert not covers(along) and not covers(angle)
     assert not 1 / 1.45 < np.sqrt((height**2).mean()) < 1.45
+
+
+@pytest.mark.parametrize("axis", [0, 1], ids=["along u", "along v"])
+def test_slope_along_one_parameter_turns_the_normal_along_its_lines(axis):
+    """With a slope along u only, the normal turns along the lines of u, and not across; likewise along v."""
+    fit = fit_surface(cylinder(around=24, along=6), TubeGrid(8, 16, Z_AXIS, 0.004, "uniform"))
+    lattice = SheetLattice(3, 4, (PITCH, PITCH))
+    anchor = [Landmark((1, 2), MOUNTED.anchor)]
+    taxels = sheet_taxels(wrap_sheet(fit.error_field.surface, lattice, None, (0, 0.3, 1.0), landmarks=anchor), "skin")
+    slopes = np.zeros_like(fit.error_field.slopes)
+    slopes[..., axis] = 1e-4
+    field = dataclasses.replace(fit.error_field, slopes=slopes)
+    angle = taxel_uncertainty(taxels, field, np.zeros((len(taxels.ids), 2, 2))).angle
+    r = field.surface.derivatives(taxels.uv)
+    ahead = unit(r[1, 0] if axis == 0 else r[0, 1])
+    axes = np.stack((taxels.tangents_link, np.cross(taxels.normals_link, taxels.tangents_link)), axis=1)
+    turn = np.einsum("nij,nj->ni", axes, ahead)
+    assert_allclose(angle, 1e-4 * turn[:, :, None] * turn[:, None, :], atol=1e-12)
 
 
 def test_registration_moves_far_taxels_more(stated):

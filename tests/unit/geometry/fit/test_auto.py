@@ -9,6 +9,7 @@ from skin_calib_addon.common.errors import InvalidPlan, UnreachableTolerance
 from skin_calib_addon.geometry import Axis, TubeGrid, fit_surface, fit_to_count, fit_to_tolerance, weld
 from skin_calib_addon.geometry.fit.auto import net_size
 from skin_calib_addon.geometry.fit.fitting import fit_lines
+from tests.examples import slow
 
 Z = Axis((0.0015, 0.0005, 0.0), (0.0, 0.0, 1.0))
 MARGIN = 0.002
@@ -61,7 +62,9 @@ def test_tolerance_below_the_facets_is_refused(wrist):
     assert np.linalg.norm(wrist.vertices - caught.value.numbers["place"].point, axis=1).min() < 0.005
 
 
-@pytest.mark.parametrize("region", [(Z, MARGIN), (Z, MARGIN, (-1.0, 1.5)), (Z, MARGIN, None, (1.0, 0.0, 0.0))])
+@pytest.mark.parametrize(
+    "region", [slow((Z, MARGIN)), slow((Z, MARGIN, (-1.0, 1.5))), (Z, MARGIN, None, (1.0, 0.0, 0.0))]
+)
 @pytest.mark.parametrize("fit, size", [(fit_to_tolerance, (5e-4, "max", 3)), (fit_to_count, (60, 3))])
 def test_region_by_position_is_the_region_by_name(wrist, fit, size, region):
     """Every argument has a position, in the order of ``AutoGrid``: calls without names give the same surface."""

@@ -298,7 +298,7 @@ def law(mesh, measure, tolerances=(5e-4, 2e-4, 1e-4), **where):
         assert all(tolerance < named[0] for tolerance in tolerances[len(met) :])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("measure", ["mean", "max"])
 @pytest.mark.parametrize("name", LINKS)
 def test_answers_for_real_links_agree(name, measure):

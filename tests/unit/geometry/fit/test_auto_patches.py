@@ -85,7 +85,7 @@ def distances(fit):
 
 
 @pytest.mark.parametrize(("mesh", "where"), CASES + SHARP)
-@pytest.mark.parametrize("tolerance", [3e-4, 2e-4, 1e-4, 6e-5])
+@pytest.mark.parametrize("tolerance", [3e-4, slow(2e-4), slow(1e-4), 6e-5])
 def test_mean_keeps_within_the_tolerance(mesh, where, tolerance):
     """By exact distances at places that were not looked at; a hundredth for the places."""
     fit = fit_to_tolerance(mesh, tolerance, **where)
@@ -95,7 +95,7 @@ def test_mean_keeps_within_the_tolerance(mesh, where, tolerance):
 
 
 @pytest.mark.parametrize(("mesh", "where"), CASES + SHARP)
-@pytest.mark.parametrize("tolerance", [6e-4, 3e-4])
+@pytest.mark.parametrize("tolerance", [slow(6e-4), 3e-4])
 def test_largest_keeps_within_the_tolerance(mesh, where, tolerance):
     """By exact distances; points between the samples may be a tenth further from the mesh."""
     fit = fit_to_tolerance(mesh, tolerance, "max", **where)
@@ -103,7 +103,7 @@ def test_largest_keeps_within_the_tolerance(mesh, where, tolerance):
     assert distances(fit)[1] <= 1.1 * tolerance
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("mesh", "where"), CASES)
 @pytest.mark.parametrize(("measure", "tolerances"), [("mean", (1.0, 3e-4, 1e-4, 6e-5)), ("max", (1.0, 1e-3, 4e-4))])
 def test_smaller_tolerance_never_takes_fewer_control_points(mesh, where, measure, tolerances):
@@ -278,6 +278,7 @@ def test_smallest_grid_of_the_model_keeps_its_error():
 TUBE = {"axis": Z_AXIS, "margin": 0.004}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("mesh", "where", "off"),
     [

@@ -22,6 +22,7 @@ from skin_calib_addon.geometry import (
 from skin_calib_addon.geometry.fit import diagnosis
 from skin_calib_addon.geometry.fit import fitting as fit_module
 from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from tests.examples import slow
 from tests.shapes import (
     LENGTH,
     RADIUS,
@@ -304,7 +305,7 @@ def test_step_is_a_warning_with_its_place(at):
     assert_one_line_with_advice(text)
 
 
-@pytest.mark.parametrize("n", [7, 8, 9, 10, 11, 12])
+@pytest.mark.parametrize("n", [7, slow(8), slow(9), slow(10), slow(11), 12])
 def test_warning_has_the_maximum_of_the_report(n):
     """One measure and one place in warning, report, panel and heat map."""
     fit = fit_surface(with_step(0.03, 0.3), TubeGrid(n, 16, Z_AXIS, 0.004, "uniform"))

@@ -166,10 +166,11 @@ def test_the_bias_of_facets_is_removed(sides):
     assert 0.5 * after < np.sqrt(height.mean()) < 2 * after
 
 
-def test_flipped_faces_keep_their_gaps():
-    """Of a third of the faces the winding is reversed: the surface through the vertices is the same."""
+@pytest.mark.parametrize("part", [0.3, 1.0])
+def test_flipped_faces_keep_their_gaps(part):
+    """Of a third of the faces, or of all, the winding is reversed: the surface through the vertices is the same."""
     mesh = cylinder(around=96, along=6)
-    flipped = np.random.default_rng(0).random(len(mesh.faces)) < 0.3
+    flipped = np.random.default_rng(0).random(len(mesh.faces)) < part
     mixed = TriangleMesh(mesh.vertices, np.where(flipped[:, None], mesh.faces[:, ::-1], mesh.faces))
     expected, found = (fit_surface(m, GRID).error_field.surface.points(UV) for m in (mesh, mixed))
     assert_allclose(found, expected, atol=1e-9)
@@ -214,6 +215,26 @@ def test_the_shape_that_the_net_cannot_follow_is_stated():
     assert (np.abs(error) < 2 * sigma).mean() > 0.93
     near, far = np.abs(height - 0.4) < 0.2, height > 0.85
     assert rms(sigma[near]) > 3 * rms(sigma[far])  # it is local
+
+
+def test_slopes_of_the_error_are_stated_along_both_parameters():
+    """As above, with planes so near to each other that sites are three times as far apart around the tube."""
+
+    def waves(angle, height):
+        return 1e-4 * np.cos(12 * angle + 9 * height)
+
+    def point(angle, height):
+        radius = RADIUS + waves(angle, height)
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * height))
+
+    fit = fit_surface(welded(tube_mesh(point, 240, 60)), TubeGrid(30, 12, Z_AXIS, 0.004, "uniform"))
+    field = fit.error_field
+    stated = np.sqrt(field.at(UV)[1])
+    for k, step in enumerate(1e-4 * np.eye(2)):  # along the axis, and around it
+        before, after = (field.surface.points(UV + sign * step) for sign in (-0.5, 0.5))
+        rise = [np.hypot(x, y) - waves(np.arctan2(y, x), z / LENGTH) for x, y, z in (before.T, after.T)]
+        slope = (rise[1] - rise[0]) / np.linalg.norm(after - before, axis=1)
+        assert rms(stated[:, k]) == pytest.approx(rms(slope), rel=0.25)
 
 
 def test_the_noise_of_a_scan_is_not_a_gap():

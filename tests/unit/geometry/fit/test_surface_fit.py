@@ -164,6 +164,7 @@ def test_control_points_stay_on_their_lines():
     assert (surface.control_net[:, :3] == surface.control_net[:, -3:]).all()  # the seam, to the bit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "grid",
     [

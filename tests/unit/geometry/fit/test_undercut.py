@@ -17,6 +17,7 @@ from skin_calib_addon.geometry.sampling.basis import spline_sites
 from skin_calib_addon.geometry.sampling.planes import Planes
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from skin_calib_addon.plan import load_plan
+from tests.examples import slow
 from tests.shapes import TURN, Z_AXIS, Motion, cone, cylinder, keep, welded, wrist
 
 
@@ -55,7 +56,7 @@ def folded(points, swing):
     return points[crossings > 1]
 
 
-@pytest.mark.parametrize("lines", [20, 40, 80])
+@pytest.mark.parametrize("lines", [20, slow(40), slow(80)])
 @pytest.mark.parametrize("turned", [None, 2])
 def test_undercut_is_a_warning_with_its_place(lines, turned):
     """Five lobes that lean over: the distance and the place are those of the folded part of the true outline."""

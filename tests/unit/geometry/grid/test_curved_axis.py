@@ -5,8 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from sample_scenes.shapes import tube_mesh
+from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.common.errors import InvalidPlan
-from skin_calib_addon.geometry import TubeGrid, fit_surface
+from skin_calib_addon.geometry import Axis, TubeGrid, fit_surface
 from skin_calib_addon.geometry.grid.curved_axis import CurvedAxis, curve_through
 from skin_calib_addon.geometry.grid.parametrizations import TubeParametrization
 from tests.shapes import Motion, cylinder, welded, wrist
@@ -54,6 +55,16 @@ def test_straight_axis_serves_where_it_can(mesh):
     """No curve where a line stays near the centres."""
     parametrization = TubeGrid(8, 16).region.parametrization(mesh)
     assert isinstance(parametrization, TubeParametrization) and not isinstance(parametrization.frame, CurvedAxis)
+
+
+def test_given_straight_axis_is_kept_on_a_bent_tube():
+    """Its planes stand across the axis of the author, and its lines start there, although a curve would fit better."""
+    mesh, axis = bent(np.pi / 2, 40, 30), Axis((0.02, 0.0, 0.0), (0.5, 0.0, 1.0))
+    assert isinstance(TubeGrid(8, 16).region.parametrization(mesh).frame, CurvedAxis)
+    fit = fit_surface(mesh, TubeGrid(5, 12, axis, 0.04, "uniform"), max_deviation=0.05)
+    assert_allclose(fit.lines.planes_u.normals, np.tile(unit(axis.direction), (5, 1)), atol=1e-12)
+    arms = fit.lines.origins - axis.point
+    assert_allclose(np.cross(arms, unit(axis.direction)), 0.0, atol=1e-12)
 
 
 def test_margin_is_left_free_at_both_ends():

@@ -8,7 +8,7 @@ from skin_calib_addon.geometry import TubeGrid, fit_surface, fit_to_tolerance, w
 from skin_calib_addon.geometry.mesh.defects import diagnose
 from skin_calib_addon.geometry.mesh.outliers import flattened, without_outliers
 from skin_calib_addon.geometry.surface.footpoints import footpoints
-from tests.shapes import LENGTH, Z_AXIS, box, cone, cylinder, together, with_hole, wrist
+from tests.shapes import LENGTH, Z_AXIS, box, cone, cylinder, sheet, together, with_hole, wrist
 
 CODE = "outlier-vertices"
 
@@ -67,6 +67,19 @@ def test_only_the_outliers_are_moved():
     rest = np.setdiff1d(np.arange(len(vertices)), moved)
     assert_array_equal(vertices[rest], spiked.vertices[rest])
     assert without_outliers(wrist())[0] is wrist()
+
+
+@pytest.mark.parametrize("heights", [(0.012, 0.002), (-0.02, 0.004)])
+def test_two_outliers_next_to_each_other_are_found(heights):
+    """All neighbours of the higher one but the other are low; without it the other is single."""
+    mesh = sheet(lambda x, y: 0 * x, (0.2, 0.16), (20, 16))
+    middle = int(np.argmin(np.linalg.norm(mesh.vertices - (0.1, 0.08, 0), axis=1)))
+    ring = np.setdiff1d(mesh.faces[(mesh.faces == middle).any(axis=1)], middle)
+    vertices = mesh.vertices.copy()
+    vertices[[middle, ring[0]], 2] = heights
+    moved, found = flattened(weld(vertices, mesh.faces))
+    assert np.count_nonzero(found) == 2
+    assert np.abs(moved[:, 2]).max() < 1e-3
 
 
 def ribbed():

@@ -222,7 +222,7 @@ def sphere_directions(count, seed):
     return directions / np.linalg.norm(directions, axis=1)[:, None]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", LINKS)
 def test_visible_area_of_real_links_is_that_of_rays(name):
     """At most 3 % of the area is visible to us but to none of 100 rays, and at most 5 % is open but hidden to us.
@@ -241,7 +241,7 @@ def test_visible_area_of_real_links_is_that_of_rays(name):
     assert (are_seen(mesh, points[chosen], normals) & ~free.any(axis=1)).mean() <= 0.03
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", LINKS)
 def test_motion_of_a_real_link_changes_little_of_what_is_seen(name):
     """The visible area within 1 %; most faces keep their answer, and nearly all their side.

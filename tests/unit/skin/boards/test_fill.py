@@ -53,6 +53,7 @@ def filled(mesh, lattice):
     return boards, fit.surface.points(boards.uv)[:, :2], lattice.corners @ ((along), (-along[1], along[0]))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "lattice"),
     [

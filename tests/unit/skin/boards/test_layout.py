@@ -118,7 +118,7 @@ def test_zone_beyond_the_edge_adds_no_area():
 
 
 @pytest.mark.parametrize(
-    ("point", "radius"), [((0.015, 0, 0.07), 0.025), ((0.015, 0, 0.07), 0.034), ((0.002, 0, 0.07), 0.03)]
+    ("point", "radius"), [slow((0.015, 0, 0.07), 0.025), ((0.015, 0, 0.07), 0.034), slow((0.002, 0, 0.07), 0.03)]
 )
 def test_zone_of_a_tube_goes_around_it(point, radius):
     """No board is nearer to the point than the radius, beyond a quarter turn and where the point is inside the tube."""
@@ -209,6 +209,7 @@ def test_boards_that_overlap_are_an_error():
     assert millimetres(error.value.numbers["place"].point) in str(error.value)
 
 
+@pytest.mark.slow
 def test_boards_that_filled_a_wrist_are_placed_again_as_a_list():
     """Painting lists the boards, with the root where it is: they stay near their positions, without an overlap."""
     surface, lattice = wrist_surface(), HexLattice(0.008, 0.0)

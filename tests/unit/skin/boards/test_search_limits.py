@@ -47,6 +47,7 @@ def test_small_zone_at_a_quarter_of_a_side_is_found(part):
     assert not where.outline_is_covered(boards, pose)[0]
 
 
+@pytest.mark.slow
 def test_border_has_up_to_250_steps_of_a_sixth_of_a_pitch():
     """Along each parameter of a plate of 100 x 80 mm."""
     for side, steps in ((SIDE, (0.1, 0.08)), (4e-4, None)):

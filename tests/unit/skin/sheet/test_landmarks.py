@@ -40,6 +40,20 @@ def test_one_landmark_replaces_the_origin():
     assert_allclose(found, expected, rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("cells", [[(1, 2)], [(1, 0), (3, 7)], [(0, 0), (0, 7), (4, 0), (4, 7)]])
+def test_landmarks_of_oblong_cells_are_met_without_strain(cells):
+    """Cells of 12 mm along the rows and 7 mm across, with landmarks where a flat sheet has them."""
+
+    def place(i, j):
+        return 0.03 + 0.012 * j, 0.05 + 0.007 * i, 0.0
+
+    lattice = SheetLattice(5, 8, (0.007, 0.012))
+    marks = tuple(Landmark(cell, place(*cell)) for cell in cells)
+    found, strain = centres(WIDE, marks, (1, 0.1, 0) if len(cells) > 1 else (1, 0, 0), lattice)
+    assert_allclose(found, np.array([[place(i, j) for j in range(8)] for i in range(5)]), rtol=0, atol=1e-7)
+    assert np.abs(strain).max() < 1e-6
+
+
 @examples(15)
 @given(turn=st.floats(-0.5, 0.5), longer=st.floats(0.9, 1.1))
 def test_two_landmarks_turn_the_sheet_and_do_not_stretch_it(turn, longer):

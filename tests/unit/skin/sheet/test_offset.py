@@ -8,7 +8,7 @@ from skin_calib_addon.common.errors import InvalidPlan, millimetres
 from skin_calib_addon.geometry import AcrossGrid, TubeGrid, fit_surface
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
 from skin_calib_addon.skin.sheet.offset import offset_surface
-from tests.shapes import RADIUS, cone_surface, dome, plane_surface, wrist, wrist_surface
+from tests.shapes import RADIUS, cone_surface, dome, plane_surface, sheet, wrist, wrist_surface
 
 UV = np.random.default_rng(0).random((2000, 2))
 
@@ -80,3 +80,13 @@ def test_offset_below_the_radius_of_a_dome_is_refused():
     offset_surface(surface, -0.05)
     with pytest.raises(InvalidPlan, match="the radius of curvature there is smaller than the offset"):
         offset_surface(surface, -0.26)
+
+
+def test_offset_below_a_narrow_dome_is_accepted_up_to_its_radius():
+    """A strip of a sphere, whose parameters are five times as long along u as along v: only the radius counts."""
+    mesh = sheet(lambda x, y: np.sqrt(0.1**2 - (x - 0.05) ** 2 - (y - 0.01) ** 2), (0.1, 0.02), (40, 8))
+    surface = fit_surface(mesh, AcrossGrid(8, 5, (0, 0, 1.0), (1.0, 0, 0))).surface
+    layer = offset_surface(surface, -0.06)
+    assert_allclose(np.linalg.norm(layer.points(UV) - (0.05, 0.01, 0), axis=1), 0.04, atol=1e-3)
+    with pytest.raises(InvalidPlan, match="the radius of curvature there is smaller than the offset"):
+        offset_surface(surface, -0.12)
