@@ -1,6 +1,6 @@
 """Compute the results of many readings at once: of a log, or of the environments of a simulator."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -9,11 +9,10 @@ import numpy as np
 from ..common.arrays import Array, BoolArray, IntArray
 from .clock import JUMP_TIME, Clock
 from .components import component_counts
-from .frame import MIN_LOAD
+from .frame import cop_of, is_standing, zmp_of
 from .geometry import GroundGeometry, SkinGeometry, Terms
 from .modalities import ModalityValues
-from .noise import HIDDEN_LOAD, Noise, hidden_weight
-from .touched import has_neighbour
+from .touched import Evidence, states
 
 if TYPE_CHECKING:
     from .readings import Readings
@@ -49,11 +48,11 @@ class Processor:
     readings: "Readings"
     skin: SkinGeometry
     ground: GroundGeometry | None
-    thresholds: tuple[float, float] | None  # switch_on and switch_off [N]; None if the noise decides
+    evidence: Callable[[Array, Array, BoolArray], Evidence]  # of readings, forces [N], and whether they are known
     terms: Terms  # of the sums at partial contact
 
     def batch(self, rows: Array, times: Array | None) -> Batch:
-        """Return the results of readings of the taxels."""
+        """Return the results of readings (T, n) of the taxels."""
         count, n = rows.shape
         rows = self.readings.without_creep(rows, times)
         drifts, number = self._drifts(rows, times)
@@ -77,20 +76,20 @@ class Processor:
         before, sums = np.zeros(n, bool), np.empty((count, 12))
         for block in _blocks(count, n):
             forces, known = result.forces[block], result.known[block]
-            switched, keeps, pushes, has_load = self._touched(corrected(block), forces, known)
+            evidence = self.evidence(corrected(block), forces, known)
+            state = evidence.on
             if fresh is not None:
-                switched = _states(switched, (keeps | ~known) & ~fresh[block, None], before)
-                before = switched[-1]
-            result.active[block] = active = switched & known
-            sums[block] = self._sums(active * forces if pushes is None else pushes, active)
-            lift = sums[block, 6]
-            result.stands[block] = valid[block] & (lift >= MIN_LOAD if has_load is None else has_load & (lift > 0))
+                evidence.stays[fresh[block]] = False
+                state = states(state, evidence.stays, before)
+                before = state[-1]
+            result.active[block] = active = state & known
+            sums[block] = self._sums(active * forces if evidence.pushes is None else evidence.pushes, active)
+            result.stands[block] = valid[block] & is_standing(sums[block, 6], evidence.has_load)
         sums[~valid] = np.nan
-        lift, lift_x, lift_y, fz, tx, ty = sums[:, 6:].T
-        result.wrench[:], result.load[:] = sums[:, :6], lift
-        lift, fz = np.where(result.stands, lift, np.nan), np.where(result.stands & (fz > 0), fz, np.nan)
-        result.cop[:] = np.column_stack((lift_x / lift, lift_y / lift))
-        result.zmp[:] = np.column_stack((-ty / fz, tx / fz))
+        result.wrench[:], result.load[:] = sums[:, :6], sums[:, 6]
+        sums[~result.stands] = np.nan
+        result.cop[:] = cop_of(sums)
+        result.zmp[:] = zmp_of(np.where(sums[:, 9:10] > 0, sums, np.nan))
         result.contact_counts[valid] = component_counts(result.active, self.skin.neighbours)[valid]
         return result
 
@@ -119,39 +118,11 @@ class Processor:
         number[starts[1:]] = 1
         return drifts, np.cumsum(number)
 
-    def _touched(
-        self, intensities: Array, forces: Array, known: BoolArray
-    ) -> tuple[BoolArray, BoolArray, Array | None, BoolArray | None]:
-        """Return which taxels (T, n) become active, which of the active ones stay so, and two results of the noise.
-
-        Without noise a load decides, and only active taxels are in the sums. With noise the results are the weighted
-        forces (T, n) [N], and whether a load differs from the noise (T,). See :mod:`.touched` for single readings.
-        """
-        if self.thresholds is not None:
-            on, off = self.thresholds
-            return (forces >= on) & known, (forces >= off) & known, None, None
-        noise = self.readings.noise
-        assert noise is not None
-        signed = noise.signed(intensities)
-        if not known.all():
-            signed = np.where(known, signed, noise.free)
-        positive = forces > 0
-        switched = (signed > noise.sure) & positive
-        pair = (signed > noise.pair) & positive
-        switched |= pair & has_neighbour(pair, self.skin.neighbours)
-        excess = signed @ noise.slopes - noise.free_sum
-        has_load = switched.any(axis=1) | (excess > noise.load_level)
-        keeps = (signed > noise.release) & positive & has_load[:, None]
-        pushes = _pushes(noise, signed, forces, excess)
-        pushes[~has_load] = 0.0
-        pushes[~known] = 0.0
-        return switched, keeps, pushes, has_load
-
     def _sums(self, pushes: Array, active: BoolArray) -> Array:
         """Return the wrench and the sums of :attr:`.GroundGeometry.terms`, (T, 12)."""
         ground, sums = self.ground, pushes @ self.terms.sums.T
         if ground is not None:
-            full = (active | ~ground.can_stand).all(axis=1) & (ground.standing_count > 0)
+            full = ground.is_full(active)
             if full.any():
                 sums[full] = pushes[full] @ ground.full_contact.sums.T
         return sums
@@ -175,35 +146,3 @@ def _fresh(times: Array, valid: BoolArray) -> BoolArray:
         fresh[k] = not clock.flags(time).isdisjoint({"time_back", "time_jump"})
         clock.accept(time)
     return fresh
-
-
-def _states(switched: BoolArray, keeps: BoolArray, before: BoolArray) -> BoolArray:
-    """Return which taxels (T, n) are active after each row: switched on, or active before and kept.
-
-    The last row that switched a taxel on or off decides. An odd number stands for on, and later rows have larger ones.
-    """
-    smallest_type = np.min_scalar_type(2 * len(switched) + 1)
-    number = np.arange(2, 2 * len(switched) + 2, 2, dtype=smallest_type)[:, None]
-    last = (number + switched) * (switched | ~keeps)
-    last[0] = np.maximum(last[0], before)
-    step = 1
-    while step < len(last):  # the largest number so far; six times as fast as maximum.accumulate along columns
-        last[step:] = np.maximum(last[step:], last[:-step])
-        step *= 2
-    return (last & 1).astype(bool)
-
-
-def _pushes(noise: Noise, signed: Array, forces: Array, excess: Array) -> Array:
-    """Return the parts (T, n) of the taxels in the sums [N], as :meth:`.Noise.pushes` does for one row."""
-    weights = noise.steps(signed)
-    clear = noise.clear(weights, signed)
-    few = excess > (1 + HIDDEN_LOAD[0]) * clear
-    excess, clear = excess[few], clear[few]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        hidden = np.where(clear > 0, np.minimum(hidden_weight(excess / clear), 1.0), 1.0)
-    weights[few] += hidden[:, None] * (1 - weights[few])
-    pushes = forces + noise.rectified
-    pushes[few] += noise.negative(signed[few])
-    pushes *= weights
-    pushes -= noise.rectified
-    return pushes

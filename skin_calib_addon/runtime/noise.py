@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, IntArray, lock, locked
+from ..common.arrays import Array, BoolArray, IntArray, lock, locked, some
 
 if TYPE_CHECKING:
     from ..calibration.taxel_responses import TaxelResponses
@@ -150,12 +150,15 @@ class Noise:
         """Return signed readings (n,), which rise with the force; the same array if all readings do."""
         return intensities if self._rises else intensities * self.sign
 
-    def excess(self, signed: Array) -> float:
-        """Return the sum of the forces near rest of signed readings (n,), without its mean [N]; not cut off at zero."""
-        return float(signed.dot(self.slopes)) - self.free_sum
+    def excess(self, signed: Array) -> Array:
+        """Return the sums (...) of the forces near rest of signed readings (..., n), without their mean [N].
 
-    def pushes(self, signed: Array, forces: Array, excess: float) -> tuple[Array, Array]:
-        r"""Return the weight (n,) of each taxel in sums, and its part of them (n,) [N].
+        A sum may be negative.
+        """
+        return signed.dot(self.slopes) - self.free_sum
+
+    def pushes(self, signed: Array, forces: Array, excess: Array) -> tuple[Array, Array]:
+        r"""Return the weight (..., n) of each taxel in sums, and its part of them (..., n) [N].
 
         The weight is 0 near rest and 1 for clear contacts, with a smooth step. A light foot on flat ground has all of
         its load below the noise of single taxels. The more of the load is there, the more all taxels count.
@@ -170,16 +173,21 @@ class Noise:
 
         Parameters
         ----------
-        signed, forces : array, shape (n,)
+        signed, forces : array, shape (..., n)
             Signed readings, and the forces that follow from them [N].
-        excess : float
+        excess : array, shape (...)
             Result of :meth:`excess` [N].
         """
         weights = self.steps(signed)
-        clear = float(self.clear(weights, signed))
-        if excess > (1 + HIDDEN_LOAD[0]) * clear:
-            weights += (min(hidden_weight(excess / clear), 1.0) if clear > 0 else 1.0) * (1 - weights)
-            forces = forces + self.negative(signed)
+        clear = self.clear(weights, signed)
+        few = excess > (1 + HIDDEN_LOAD[0]) * clear
+        if some(few):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                hidden = np.minimum(hidden_weight(excess[few] / clear[few]), 1.0)
+            hidden = np.where(clear[few] > 0, hidden, 1.0)
+            weights[few] += hidden[:, None] * (1 - weights[few])
+            forces = forces.copy()
+            forces[few] += self.negative(signed[few])
         pushes = forces + self.rectified
         pushes *= weights
         pushes -= self.rectified

@@ -22,7 +22,7 @@ from .modalities import Modalities, ModalityValues, force_of, without_force
 from .noise import Noise, Rest
 from .plane import Plane, ground_of
 from .readings import Readings
-from .touched import Streak, by_noise, by_thresholds
+from .touched import Evidence, Streak, by_noise, by_thresholds, switched, touched
 
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration
@@ -125,7 +125,7 @@ class Skin:
         self._identities = Identities(len(self.ids))
         self._active: BoolArray = np.zeros(len(self.ids), bool)
         self._streak = Streak(len(self.ids))
-        self._footprint = Footprint(self.geometry, self.ground, np.empty(0, np.int64))
+        self._footprint = Footprint(self.geometry, self.ground, np.zeros(len(self.ids), bool))
 
     @property
     def warnings(self) -> "tuple[Warning, ...]":
@@ -335,29 +335,22 @@ class Skin:
         fresh = not flags.isdisjoint({"time_back", "time_jump"})  # the last frame says nothing about this one
         unchanged = self._readings.unchanged(raw)
         is_new = bool(np.count_nonzero(unchanged) < len(unchanged))
-        noise, before = self.noise, self._active
+        noise = self.noise
         if fresh:
-            self._streak, before = Streak(len(known)), np.zeros(len(known), bool)
+            self._streak, self._active = Streak(len(known)), np.zeros(len(known), bool)
         signed = None if noise is None else noise.signed(intensities)
-        if noise is None or signed is None or self._has_thresholds:
-            touched, state = by_thresholds(
-                forces, known, is_complete, before, self.switch_on, self.switch_off, self._has_thresholds
-            )
-        else:
-            neighbours = self.geometry.neighbours
-            touched, state = by_noise(
-                noise, signed, forces, known, is_complete, before, neighbours, self._streak, is_new
-            )
-        rows = touched.active.nonzero()[0]
-        footprint = self._footprint
-        if len(rows) != len(footprint.rows) or np.count_nonzero(rows != footprint.rows):
-            footprint = Footprint(self.geometry, self.ground, rows)
+        evidence = self._evidence(intensities, forces, known)
+        self._active = switched(evidence.on, evidence.stays, self._active)
+        active = self._active & known
+        lasts = self._streak.add(evidence.lasting, is_new) if evidence.has_load is not None else active
+        sets = touched(evidence, active, forces, lasts, self._has_thresholds)
+        footprint = self._footprint.of(active)
         stuck, saturated = (
             self._readings.stuck(unchanged, time, self._clock.period),
             self._readings.saturated(intensities),
         )
         if np.count_nonzero(stuck):
-            stuck = stuck & touched.active
+            stuck = stuck & active
             flags |= {"stuck"} if np.count_nonzero(stuck) else frozenset()
         if np.count_nonzero(saturated):
             saturated = saturated & known
@@ -380,17 +373,17 @@ class Skin:
             self._readings.drift.drop_block()
         terms = self._terms if self.ground is None or not footprint.is_full else self.ground.full_contact
         contacts = contacts_of(footprint, forces, self._identities.follow(footprint), terms)
-        pushes = touched.pushes
+        pushes = sets.pushes
         sums = terms.sums.dot(pushes)
         self._clock.accept(time)
         self._readings.accept(raw, unchanged, time)
         self._readings.follow(raw, is_complete, time)
-        self._active, self._footprint = state, footprint
+        self._footprint = footprint
         if self._rest is not None and is_complete:
             self._learn(raw, time, fresh or "byte_order" in flags)
         deviations = None if noise is None else partial(self._readings.deviations, intensities)
         return Frame(
-            time, forces, known, saturated, stuck, contacts, sums[:6], flags, None, footprint, touched, noise, terms,
+            time, forces, known, saturated, stuck, contacts, sums[:6], flags, None, footprint, sets, noise, terms,
             pushes, sums, deviations, modalities,
         )  # fmt: skip
 
@@ -425,10 +418,15 @@ class Skin:
         times = None if times is None else np.asarray(times, float)
         if times is not None and times.shape != rows.shape[:1]:
             raise ValueError(f"times of shape {times.shape} for {len(rows)} readings; pass one time for each")
-        decides_noise = self.noise is not None and not self._has_thresholds
-        thresholds = None if decides_noise else (self.switch_on, self.switch_off)
-        batch = Processor(self._readings, self.geometry, self.ground, thresholds, self._terms).batch(rows, times)
+        batch = Processor(self._readings, self.geometry, self.ground, self._evidence, self._terms).batch(rows, times)
         return replace(batch, modalities=modalities)
+
+    def _evidence(self, intensities: Array, forces: Array, known: BoolArray) -> Evidence:
+        """Return what readings (..., n) show: compared with the noise, or with thresholds."""
+        noise = self.noise
+        if noise is None or self._has_thresholds:
+            return by_thresholds(forces, known, self.switch_on, self.switch_off)
+        return by_noise(noise, self.geometry.neighbours, noise.signed(intensities), forces, known)
 
     def _learn(self, intensities: Array, time: float, fresh: bool) -> None:
         """Learn baseline and noise from the first quiet frames."""
