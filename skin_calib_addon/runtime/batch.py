@@ -48,7 +48,7 @@ class Processor:
     readings: "Readings"
     skin: SkinGeometry
     ground: GroundGeometry | None
-    evidence: Callable[[Array, Array, BoolArray], Evidence]  # of readings, forces [N], and whether they are known
+    evidence: Callable[[Array | None, Array, BoolArray], Evidence]  # of signed readings, forces [N], known forces
     terms: Terms  # of the sums at partial contact
 
     def batch(self, rows: Array, times: Array | None) -> Batch:
@@ -76,7 +76,7 @@ class Processor:
         before, sums = np.zeros(n, bool), np.empty((count, 12))
         for block in _blocks(count, n):
             forces, known = result.forces[block], result.known[block]
-            evidence = self.evidence(corrected(block), forces, known)
+            evidence = self.evidence(self.readings.signed(corrected(block)), forces, known)
             state = evidence.on
             if fresh is not None:
                 evidence.stays[fresh[block]] = False

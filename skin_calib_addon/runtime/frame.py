@@ -270,6 +270,9 @@ class Frame:
         return locked(np.array(sigmas))
 
 
+TURN = np.array((-1.0, 1.0))  # the moment about y moves the ZMP along -x, that about x along y
+
+
 def is_standing(load: Any, has_load: Any) -> Any:
     """Return whether a link stands (...): by the load alone [N] (...), or if the noise says that there is one (...)."""
     return load >= MIN_LOAD if has_load is None else (load > 0) & has_load
@@ -282,7 +285,7 @@ def cop_of(sums: Array) -> Array:
 
 def zmp_of(sums: Array) -> Array:
     """Return the ZMP (..., 2) [m] of :attr:`Frame.sums` (..., 12), see :attr:`Frame.zmp`."""
-    return sums[..., 11:9:-1] * (-1.0, 1.0) / sums[..., 9:10]
+    return sums[..., 11:9:-1] / (sums[..., 9:10] * TURN)
 
 
 def zero_moment_point(wrench: Array, height: float = 0.0) -> Array | None:

@@ -144,7 +144,10 @@ class GroundGeometry:
 
     def is_full(self, active: BoolArray) -> BoolArray:
         """Return whether all taxels that can stand on the ground are active (...), of active ones (..., n)."""
-        return np.logical_and.reduce(active | self._cannot_stand, axis=-1) & (self.standing_count > 0)
+        if not self.standing_count:
+            return np.zeros(active.shape[:-1], bool)
+        full: BoolArray = (active | self._cannot_stand).all(axis=-1)
+        return full
 
     def _moved(self, skin: SkinGeometry, pushes: Array, lift: Array, shift: Array) -> "Terms":
         """Return the terms if each force acts away from the centre of its cell."""

@@ -57,12 +57,6 @@ TRACKING_TIME = 10.0
 # [frames] Fewer frames say nothing about the noise. Larger: a longer rest is needed; smaller: the estimate is so
 # uncertain that hardly a taxel counts as touched.
 MIN_FRAMES = 20
-# [s] Shortest rest before a tare from which noise is learned. Larger: the skin is without statements for longer.
-MIN_REST = 0.5
-# [s] Shortest period of the frames that are stored for it. Larger: fewer frames of a fast skin are stored.
-REST_PERIOD = 0.0035
-# [frames] Number of stored frames that ends the rest. Larger: better estimates, later.
-MAX_FRAMES = 250
 # [frames] Weight of the histogram of all taxels in that of each. Larger: a taxel that differs from the others is
 # learned more slowly; smaller: estimates scatter more.
 POOLED_FRAMES = 50.0
@@ -265,43 +259,6 @@ def _smooth(step: Array) -> Array:
     step += 3
     square *= step
     return square
-
-
-class Rest:
-    """Keep the first frames of a skin, until they show that the skin is free, and how its readings scatter."""
-
-    def __init__(self) -> None:
-        self._rows: list[Array] = []
-        self._times: list[float] = []
-        self._next = MIN_FRAMES
-
-    def add(self, intensities: Array, time: float) -> Array | None:
-        """Store a frame; return all stored ones (frames, n) when it is time to look at them.
-
-        Parameters
-        ----------
-        intensities : array, shape (n,)
-            Readings.
-        time : float
-            Of the frame [s].
-        """
-        if self._times and time - self._times[-1] < REST_PERIOD:
-            return None
-        self._rows.append(intensities)
-        self._times.append(time)
-        if len(self._rows) < self._next or time - self._times[0] < MIN_REST:
-            return None
-        self._next = min(2 * len(self._rows), MAX_FRAMES) if len(self._rows) < MAX_FRAMES else MAX_FRAMES + 1
-        return np.array(self._rows)
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether enough frames are stored."""
-        return len(self._rows) >= MAX_FRAMES
-
-    def clear(self) -> None:
-        """Drop all frames: the skin was not free."""
-        self._rows, self._times, self._next = [], [], MIN_FRAMES
 
 
 def learned(rows: Array, responses: "TaxelResponses", pairs: IntArray, is_whole: bool) -> Noise | None:

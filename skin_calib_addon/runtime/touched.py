@@ -123,17 +123,17 @@ def states(on: BoolArray, stays: BoolArray, before: BoolArray) -> BoolArray:
     return on
 
 
-def touched(evidence: Evidence, active: BoolArray, forces: Array, lasts: BoolArray, is_sure: bool) -> Touched:
-    """Return what is touched in one frame.
+def touched_by_load(evidence: Evidence, active: BoolArray, forces: Array, is_sure: bool) -> Touched:
+    """Return what is touched in one frame; ``is_sure`` is whether a force above the threshold is surely a contact."""
+    possible = active | evidence.possible if np.count_nonzero(active) else active
+    weights = active.astype(float)
+    return Touched(active, active if is_sure else None, possible, weights, weights * forces, None)
 
-    ``lasts`` has the taxels above the level ``lasting`` in three frames; ``is_sure`` is whether a force above the
-    thresholds of the caller is a contact.
-    """
+
+def touched_by_noise(evidence: Evidence, active: BoolArray, lasts: BoolArray) -> Touched:
+    """Return what is touched in one frame; ``lasts`` has the taxels above ``lasting`` in three frames."""
     _, _, sure, _, possible, weights, pushes, has_load = evidence
-    if weights is None or pushes is None:
-        possible = active | possible if np.count_nonzero(active) else active
-        weights = active.astype(float)
-        return Touched(active, active if is_sure else None, possible, weights, weights * forces, None)
+    assert weights is not None and pushes is not None
     if not has_load:
         return Touched(active, active, active, weights, pushes, False)  # no taxel is active
     return Touched(active, sure | lasts, possible | lasts | active, weights, pushes, True)
