@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..common.arrays import Array
-from .noise import MIN_FRAMES
+from .at_rest import MIN_FRAMES
 
 # [reading] A larger reading is left out of the baseline: the sum of several would overflow. Derived: from the range
 # of double-precision numbers.
