@@ -54,52 +54,35 @@ class Processor:
     def batch(self, rows: Array, times: Array | None) -> Batch:
         """Return the results of readings (T, n) of the taxels."""
         count, n = rows.shape
-        rows = self.readings.without_creep(rows, times)
-        drifts, number = self._drifts(rows, times)
-        result = Batch(
-            np.zeros((count, n)), np.zeros((count, n), bool), np.zeros((count, n), bool), np.full(count, -1),
-            np.full((count, 6), np.nan), np.full(count, np.nan), np.zeros(count, bool), np.full((count, 2), np.nan),
-            np.full((count, 2), np.nan),
-        )  # fmt: skip
-
-        def corrected(block: slice) -> Array:
-            intensities = rows[block].astype(float)
-            return intensities if drifts is None else intensities - drifts[number[block]]
-
+        corrected = self._corrected(self.readings.without_creep(rows, times), times)
+        forces, known, active = np.zeros((count, n)), np.zeros((count, n), bool), np.zeros((count, n), bool)
         for block in _blocks(count, n):
-            forces, known = self.readings.forces(corrected(block))
-            if not known.all():
-                forces[~known] = 0.0
-            result.forces[block], result.known[block] = forces, known
-        valid = result.known.any(axis=1) | (n == 0)
+            forces[block], known[block] = self.readings.forces(corrected(block))
+        valid = known.any(axis=1) | (n == 0)
         fresh = None if times is None else _fresh(times, valid)
-        before, sums = np.zeros(n, bool), np.empty((count, 12))
+        before, sums, stands = np.zeros(n, bool), np.empty((count, 12)), np.zeros(count, bool)
         for block in _blocks(count, n):
-            forces, known = result.forces[block], result.known[block]
-            evidence = self.evidence(self.readings.signed(corrected(block)), forces, known)
+            evidence = self.evidence(self.readings.signed(corrected(block)), forces[block], known[block])
             state = evidence.on
             if fresh is not None:
                 evidence.stays[fresh[block]] = False
                 state = states(state, evidence.stays, before)
                 before = state[-1]
-            result.active[block] = active = state & known
-            sums[block] = self._sums(active * forces if evidence.pushes is None else evidence.pushes, active)
-            result.stands[block] = valid[block] & is_standing(sums[block, 6], evidence.has_load)
-        sums[~valid] = np.nan
-        result.wrench[:], result.load[:] = sums[:, :6], sums[:, 6]
-        sums[~result.stands] = np.nan
-        result.cop[:] = cop_of(sums)
-        result.zmp[:] = zmp_of(np.where(sums[:, 9:10] > 0, sums, np.nan))
-        result.contact_counts[valid] = component_counts(result.active, self.skin.neighbours)[valid]
-        return result
+            active[block] = state & known[block]
+            pushes = active[block] * forces[block] if evidence.pushes is None else evidence.pushes
+            sums[block] = self._sums(pushes, active[block])
+            stands[block] = valid[block] & is_standing(sums[block, 6], evidence.has_load)
+        counts = np.where(valid, component_counts(active, self.skin.neighbours), -1)
+        wrench, load = (np.where(valid[:, None], sums, np.nan)[:, columns] for columns in (slice(6), 6))
+        cop = cop_of(np.where(stands[:, None], sums, np.nan))
+        zmp = zmp_of(np.where(stands[:, None] & (sums[:, 9:10] > 0), sums, np.nan))
+        return Batch(forces, known, active, counts, wrench, load, stands, cop, zmp)
 
-    def _drifts(self, rows: Array, times: Array | None) -> tuple[Array | None, IntArray]:
-        """Return the drifts (k, n) of the readings, None for none, and the number (T,) of the one of each row."""
-        readings, number = self.readings, np.zeros(len(rows), np.int64)
-        noise, drift = readings.noise, readings.drift
+    def _corrected(self, rows: Array, times: Array | None) -> Callable[[slice], Array]:
+        """Return a function that gives the readings of a block of rows (T, n), without the drift of its time."""
+        readings, noise, drift = self.readings, self.readings.noise, self.readings.drift
         if noise is None or times is None:
-            return None if drift.offset is None else drift.offset[None], number
-
+            return lambda block: drift.corrected(rows[block].astype(float))
         is_clean = readings.are_valid(rows)
 
         def signed(which: IntArray | slice) -> Array:
@@ -110,13 +93,14 @@ class Processor:
         if not is_clean:
             for block in _blocks(*rows.shape):
                 valid[block] = np.isfinite(signed(block)).any(axis=1)
-        fresh = _fresh(times, valid)
         usable = (valid & np.isfinite(times)).nonzero()[0]
-        drifts, starts = drift.along(noise, signed, usable, times[usable], fresh[usable])
+        drifts, starts = drift.along(noise, signed, usable, times[usable], _fresh(times, valid)[usable])
         if len(starts) == 1 and drift.offset is None:
-            return None, number
+            return lambda block: rows[block].astype(float)
+        number = np.zeros(len(rows), np.int64)
         number[starts[1:]] = 1
-        return drifts, np.cumsum(number)
+        number = np.cumsum(number)
+        return lambda block: rows[block].astype(float) - drifts[number[block]]
 
     def _sums(self, pushes: Array, active: BoolArray) -> Array:
         """Return the wrench and the sums of :attr:`.GroundGeometry.terms`, (T, 12)."""

@@ -156,7 +156,7 @@ class Readings:
         return taxel_readings(readings, dimensions, self.channels, self.length, "reading", self.link)
 
     def forces(self, intensities: Array) -> tuple[Array, BoolArray]:
-        r"""Return the forces (..., n) of readings without creep and drift [N], and which of them are valid.
+        r"""Return the forces (..., n) of readings without creep and drift [N], 0 if not valid, and which are valid.
 
         With the response :math:`R_i`, the reading :math:`I_i` and the baseline :math:`b_i` of each taxel:
 
@@ -166,8 +166,12 @@ class Readings:
         A force is valid up to :data:`MAX_PRESSURE` on the cell, or up to the largest one of its response, if it has a
         range that states more. Forces of masked and dead taxels are not valid.
         """
-        forces = self.responses.forces(self._shifted(intensities))
-        return forces, forces <= self._limits
+        return self._valid(self.responses.forces(self._shifted(intensities)))
+
+    def _valid(self, forces: Array) -> tuple[Array, BoolArray]:
+        """Return forces (..., n), 0 where they are not valid, and which of them are valid."""
+        known = forces <= self._limits
+        return forces if np.count_nonzero(known) == known.size else np.where(known, forces, 0.0), known
 
     def _shifted(self, intensities: Array) -> Array:
         """Return what the responses take: readings (..., n) with the baseline, so that those at rest give no force."""
@@ -192,11 +196,8 @@ class Readings:
         else:
             forces = self.responses.forces(shifted)
         self._latest, self._converted = raw, (self._shift, self.drift.offset, forces)
-        known = forces <= self._limits
-        is_complete = np.count_nonzero(known) == len(known)
-        if not is_complete:
-            forces = np.where(known, forces, 0.0)
-        return Signals(shifted, self.signed(intensities), forces, known, is_complete)
+        forces, known = self._valid(forces)
+        return Signals(shifted, self.signed(intensities), forces, known, np.count_nonzero(known) == len(known))
 
     def at_rest(self, readings: Any) -> tuple[Array, bool]:
         """Return one or more readings for a tare, (frames, n), and whether they are whole numbers."""

@@ -401,9 +401,10 @@ class Skin:
         """Return what is touched in the next frame; ``is_new`` is whether a reading has changed."""
         evidence = self._evidence(signals.signed, signals.forces, signals.known)
         self._active = switched(evidence.on, evidence.stays, self._active)
-        active = self._active if signals.is_complete else self._active & signals.known
-        if evidence.has_load is None:
-            return touched_by_load(evidence, active, signals.forces, self._has_thresholds)
+        known = None if signals.is_complete else signals.known
+        active = self._active if known is None else self._active & known
+        if evidence.lasting is None:
+            return touched_by_load(active, signals.forces, known, self._has_thresholds)
         return touched_by_noise(evidence, active, self._streak.add(evidence.lasting, is_new))
 
     def _flags(

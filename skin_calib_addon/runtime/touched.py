@@ -14,16 +14,16 @@ from .noise import Noise
 
 
 class Evidence(NamedTuple):
-    """What readings show by themselves. The last three are None for thresholds: then active taxels are in the sums."""
+    """What readings show by themselves. Thresholds give the first two only: then the active taxels are in the sums."""
 
     on: BoolArray  # (..., n) whether a taxel becomes active
     stays: BoolArray  # (..., n) whether an active taxel stays active; a taxel without a force keeps its state
-    sure: BoolArray  # (..., n) whether it is surely touched
-    lasting: BoolArray  # (..., n) whether it is surely touched if it exceeds this level in three new frames
-    possible: BoolArray  # (..., n) whether it is possibly touched; every taxel without a force is
-    weights: Array | None  # (..., n) of its force in the sums
-    pushes: Array | None  # (..., n) its part of the sums [N]; of free taxels zero on average
-    has_load: BoolArray | None  # (...) whether something is touched, or the sum of all taxels is a load
+    sure: BoolArray | None = None  # (..., n) whether it is surely touched
+    lasting: BoolArray | None = None  # (..., n) whether it is surely touched if so in three new frames
+    possible: BoolArray | None = None  # (..., n) whether it is possibly touched; every taxel without a force is
+    weights: Array | None = None  # (..., n) of its force in the sums
+    pushes: Array | None = None  # (..., n) its part of the sums [N]; of free taxels zero on average
+    has_load: BoolArray | None = None  # (...) whether something is touched, or the sum of all taxels is a load
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +58,9 @@ class Streak:
 def by_thresholds(forces: Array, known: BoolArray, switch_on: float, switch_off: float) -> Evidence:
     """Return the evidence of forces (..., n) [N], 0 where they are not known: a load decides."""
     on, stays = forces >= switch_on, forces >= switch_off
-    if np.count_nonzero(known) == known.size:
-        return Evidence(on, stays, on, on, on, None, None, None)
-    return Evidence(on, stays | ~known, on, on, ~known, None, None, None)
+    if np.count_nonzero(known) < known.size:
+        stays |= ~known
+    return Evidence(on, stays)
 
 
 def by_noise(noise: Noise, neighbours: IntArray, signed: Array, forces: Array, known: BoolArray) -> Evidence:
@@ -123,9 +123,12 @@ def states(on: BoolArray, stays: BoolArray, before: BoolArray) -> BoolArray:
     return on
 
 
-def touched_by_load(evidence: Evidence, active: BoolArray, forces: Array, is_sure: bool) -> Touched:
-    """Return what is touched in one frame; ``is_sure`` is whether a force above the threshold is surely a contact."""
-    possible = active | evidence.possible if np.count_nonzero(active) else active
+def touched_by_load(active: BoolArray, forces: Array, known: BoolArray | None, is_sure: bool) -> Touched:
+    """Return what is touched in one frame, by thresholds.
+
+    ``known`` is None if all forces are known; ``is_sure`` is whether a force above the threshold is surely a contact.
+    """
+    possible = active if known is None or not np.count_nonzero(active) else active | ~known
     weights = active.astype(float)
     return Touched(active, active if is_sure else None, possible, weights, weights * forces, None)
 
@@ -133,7 +136,7 @@ def touched_by_load(evidence: Evidence, active: BoolArray, forces: Array, is_sur
 def touched_by_noise(evidence: Evidence, active: BoolArray, lasts: BoolArray) -> Touched:
     """Return what is touched in one frame; ``lasts`` has the taxels above ``lasting`` in three frames."""
     _, _, sure, _, possible, weights, pushes, has_load = evidence
-    assert weights is not None and pushes is not None
+    assert sure is not None and possible is not None and weights is not None and pushes is not None
     if not has_load:
         return Touched(active, active, active, weights, pushes, False)  # no taxel is active
     return Touched(active, sure | lasts, possible | lasts | active, weights, pushes, True)
