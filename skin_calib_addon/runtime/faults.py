@@ -60,14 +60,44 @@ class Faults:
         self._oldest = min(self._oldest, time)
         self._last, self._time = raw, time
 
-    def saturated(self, signals: "Signals") -> BoolArray:
+    def of(
+        self,
+        raw: Array,
+        unchanged: BoolArray,
+        signals: "Signals",
+        active: BoolArray,
+        noise: Noise | None,
+        time: float,
+        period: float,
+    ) -> tuple[BoolArray, BoolArray, frozenset[str]]:
+        """Return which taxels (n,) are stuck, and which saturated, and the flags of a frame; see :class:`.Frame`."""
+        stuck = self._stuck(unchanged, active, noise, time, period)
+        saturated = self._saturated(signals)
+        flags = []
+        if np.count_nonzero(stuck):
+            flags.append("stuck")
+        if np.count_nonzero(saturated):
+            flags.append("saturated")
+        if self._is_below_rest(signals, noise, time):
+            flags.append("below_rest")
+        if self.byte_order.is_wrong(raw, time):
+            flags.append("byte_order")
+        if noise is not None and noise.has_dead:
+            flags.append("dead")
+        if noise is not None and np.count_nonzero(unchanged) == len(unchanged) > 0:
+            limit = max(FROZEN_TIME, noise.frame_repeats * max(period, MAX_READING_PERIOD))
+            if self._since.max() < time - limit:
+                flags.append("frozen")
+        return stuck, saturated, frozenset(flags)
+
+    def _saturated(self, signals: "Signals") -> BoolArray:
         """Return which known readings (n,) are at the end of the range of their response: the force may be larger."""
         if not self._can_saturate:
             return self._none
         saturated = self._responses.saturated(signals.shifted)
         return saturated & signals.known if np.count_nonzero(saturated) else saturated
 
-    def stuck(
+    def _stuck(
         self, unchanged: BoolArray, active: BoolArray, noise: Noise | None, time: float, period: float
     ) -> BoolArray:
         """Return which active taxels (n,) have not changed for longer than the noise, or the limit, allows."""
@@ -82,14 +112,7 @@ class Faults:
         stuck: BoolArray = unchanged & active & (self._since < time - limit)
         return stuck
 
-    def is_frozen(self, noise: Noise | None, time: float, period: float) -> bool:
-        """Return whether a frame without a new reading stays the same for longer than noise allows."""
-        if noise is None or not len(self._since):
-            return False
-        limit = max(FROZEN_TIME, noise.frame_repeats * max(period, MAX_READING_PERIOD))
-        return bool(self._since.max() < time - limit)
-
-    def is_below_rest(self, signals: "Signals", noise: Noise | None, time: float) -> bool:
+    def _is_below_rest(self, signals: "Signals", noise: Noise | None, time: float) -> bool:
         """Return whether a known taxel reads less than its noise without contact can give, now or a second before."""
         if noise is not None and signals.signed is not None:
             is_below = signals.signed < noise.lowest

@@ -353,30 +353,22 @@ class Skin:
         is_new = bool(np.count_nonzero(unchanged) < len(unchanged))
         sets = self._touched(signals, is_new)
         footprint = self._footprint = self._footprint.of(sets.active)
-        stuck = self._faults.stuck(unchanged, sets.active, noise, time, self._clock.period)
-        saturated = self._faults.saturated(signals)
-        flags |= self._flags(raw, signals, stuck, saturated, is_new, time)
+        stuck, saturated, faults = self._faults.of(
+            raw, unchanged, signals, sets.active, noise, time, self._clock.period
+        )
+        flags |= faults
+        if noise is None and not self._has_thresholds:
+            flags |= {"noise_unknown"}
+        if self._readings.drift.is_reported:
+            flags |= {"drift"}
         terms = self._terms if self.ground is None or not footprint.is_full else self.ground.full_contact
         sums = terms.sums.dot(sets.pushes)
+        contacts = contacts_of(footprint, signals.forces, self._identities.follow(footprint), terms)
+        sigmas = None if noise is None else partial(force_sigmas, self._readings.responses, signals.shifted, noise)
         frame = Frame(
-            time,
-            signals.forces,
-            signals.known,
-            saturated,
-            stuck,
-            contacts_of(footprint, signals.forces, self._identities.follow(footprint), terms),
-            sums[:6],
-            flags,
-            None,
-            footprint,
-            sets,
-            noise,
-            terms,
-            sets.pushes,
-            sums,
-            None if noise is None else partial(force_sigmas, self._readings.responses, signals.shifted, noise),
-            modalities,
-        )
+            time, signals.forces, signals.known, saturated, stuck, contacts, sums[:6], flags, None, footprint, sets,
+            noise, terms, sets.pushes, sums, sigmas, modalities,
+        )  # fmt: skip
         self._clock.accept(time)
         self._faults.accept(raw, unchanged, time)
         self._readings.follow(raw, signals.is_complete, time)
@@ -406,29 +398,6 @@ class Skin:
         if evidence.lasting is None:
             return touched_by_load(active, signals.forces, known, self._has_thresholds)
         return touched_by_noise(evidence, active, self._streak.add(evidence.lasting, is_new))
-
-    def _flags(
-        self, raw: Array, signals: Signals, stuck: BoolArray, saturated: BoolArray, is_new: bool, time: float
-    ) -> frozenset[str]:
-        """Return the flags of a frame with known forces, apart from those of its time and its modalities."""
-        noise, faults, flags = self.noise, self._faults, []
-        if np.count_nonzero(stuck):
-            flags.append("stuck")
-        if np.count_nonzero(saturated):
-            flags.append("saturated")
-        if faults.is_below_rest(signals, noise, time):
-            flags.append("below_rest")
-        if faults.byte_order.is_wrong(raw, time):
-            flags.append("byte_order")
-        if noise is None:
-            return frozenset(flags if self._has_thresholds else (*flags, "noise_unknown"))
-        if noise.has_dead:
-            flags.append("dead")
-        if self._readings.drift.is_reported:
-            flags.append("drift")
-        if not is_new and faults.is_frozen(noise, time, self._clock.period):
-            flags.append("frozen")
-        return frozenset(flags)
 
     def batch(self, readings: Any, times: Any = None) -> Batch:
         """Return the results of many readings at once, without a change of the skin.
