@@ -46,6 +46,11 @@ def unmasked(values: Any) -> Array:
     return np.asarray(values, float)
 
 
+def some(flags: BoolArray) -> bool:
+    """Return whether a flag is set, of an array or of one number; NumPy takes long for one number."""
+    return bool(flags.any()) if flags.ndim else bool(flags)
+
+
 def unit(vectors: Any) -> Array:
     """Scale vectors to unit length along the last axis; a zero vector stays zero."""
     vectors = np.asarray(vectors, float)

@@ -1,6 +1,6 @@
 """Compute the results of many readings at once: of a log, or of the environments of a simulator."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -9,11 +9,10 @@ import numpy as np
 from ..common.arrays import Array, BoolArray, IntArray
 from .clock import JUMP_TIME, Clock
 from .components import component_counts
-from .frame import MIN_LOAD
+from .frame import cop_of, is_standing, zmp_of
 from .geometry import GroundGeometry, SkinGeometry, Terms
 from .modalities import ModalityValues
-from .noise import HIDDEN_LOAD, Noise, hidden_weight
-from .touched import has_neighbour
+from .touched import Evidence, states
 
 if TYPE_CHECKING:
     from .readings import Readings
@@ -49,58 +48,41 @@ class Processor:
     readings: "Readings"
     skin: SkinGeometry
     ground: GroundGeometry | None
-    thresholds: tuple[float, float] | None  # switch_on and switch_off [N]; None if the noise decides
+    evidence: Callable[[Array | None, Array, BoolArray], Evidence]  # of signed readings, forces [N], known forces
     terms: Terms  # of the sums at partial contact
 
     def batch(self, rows: Array, times: Array | None) -> Batch:
-        """Return the results of readings of the taxels."""
+        """Return the results of readings (T, n) of the taxels."""
         count, n = rows.shape
-        rows = self.readings.without_creep(rows, times)
-        drifts, number = self._drifts(rows, times)
-        result = Batch(
-            np.zeros((count, n)), np.zeros((count, n), bool), np.zeros((count, n), bool), np.full(count, -1),
-            np.full((count, 6), np.nan), np.full(count, np.nan), np.zeros(count, bool), np.full((count, 2), np.nan),
-            np.full((count, 2), np.nan),
-        )  # fmt: skip
-
-        def corrected(block: slice) -> Array:
-            intensities = rows[block].astype(float)
-            return intensities if drifts is None else intensities - drifts[number[block]]
-
+        corrected = self._corrected(self.readings.without_creep(rows, times), times)
+        forces, known, active = np.zeros((count, n)), np.zeros((count, n), bool), np.zeros((count, n), bool)
         for block in _blocks(count, n):
-            forces, known = self.readings.forces(corrected(block))
-            if not known.all():
-                forces[~known] = 0.0
-            result.forces[block], result.known[block] = forces, known
-        valid = result.known.any(axis=1) | (n == 0)
+            forces[block], known[block] = self.readings.forces(corrected(block))
+        valid = known.any(axis=1) | (n == 0)
         fresh = None if times is None else _fresh(times, valid)
-        before, sums = np.zeros(n, bool), np.empty((count, 12))
+        before, sums, stands = np.zeros(n, bool), np.empty((count, 12)), np.zeros(count, bool)
         for block in _blocks(count, n):
-            forces, known = result.forces[block], result.known[block]
-            switched, keeps, pushes, has_load = self._touched(corrected(block), forces, known)
+            evidence = self.evidence(self.readings.signed(corrected(block)), forces[block], known[block])
+            state = evidence.on
             if fresh is not None:
-                switched = _states(switched, (keeps | ~known) & ~fresh[block, None], before)
-                before = switched[-1]
-            result.active[block] = active = switched & known
-            sums[block] = self._sums(active * forces if pushes is None else pushes, active)
-            lift = sums[block, 6]
-            result.stands[block] = valid[block] & (lift >= MIN_LOAD if has_load is None else has_load & (lift > 0))
-        sums[~valid] = np.nan
-        lift, lift_x, lift_y, fz, tx, ty = sums[:, 6:].T
-        result.wrench[:], result.load[:] = sums[:, :6], lift
-        lift, fz = np.where(result.stands, lift, np.nan), np.where(result.stands & (fz > 0), fz, np.nan)
-        result.cop[:] = np.column_stack((lift_x / lift, lift_y / lift))
-        result.zmp[:] = np.column_stack((-ty / fz, tx / fz))
-        result.contact_counts[valid] = component_counts(result.active, self.skin.neighbours)[valid]
-        return result
+                evidence.stays[fresh[block]] = False
+                state = states(state, evidence.stays, before)
+                before = state[-1]
+            active[block] = state & known[block]
+            pushes = active[block] * forces[block] if evidence.pushes is None else evidence.pushes
+            sums[block] = self._sums(pushes, active[block])
+            stands[block] = valid[block] & is_standing(sums[block, 6], evidence.has_load)
+        counts = np.where(valid, component_counts(active, self.skin.neighbours), -1)
+        wrench, load = (np.where(valid[:, None], sums, np.nan)[:, columns] for columns in (slice(6), 6))
+        cop = cop_of(np.where(stands[:, None], sums, np.nan))
+        zmp = zmp_of(np.where(stands[:, None] & (sums[:, 9:10] > 0), sums, np.nan))
+        return Batch(forces, known, active, counts, wrench, load, stands, cop, zmp)
 
-    def _drifts(self, rows: Array, times: Array | None) -> tuple[Array | None, IntArray]:
-        """Return the drifts (k, n) of the readings, None for none, and the number (T,) of the one of each row."""
-        readings, number = self.readings, np.zeros(len(rows), np.int64)
-        noise, drift = readings.noise, readings.drift
+    def _corrected(self, rows: Array, times: Array | None) -> Callable[[slice], Array]:
+        """Return a function that gives the readings of a block of rows (T, n), without the drift of its time."""
+        readings, noise, drift = self.readings, self.readings.noise, self.readings.drift
         if noise is None or times is None:
-            return None if drift.offset is None else drift.offset[None], number
-
+            return lambda block: drift.corrected(rows[block].astype(float))
         is_clean = readings.are_valid(rows)
 
         def signed(which: IntArray | slice) -> Array:
@@ -111,47 +93,20 @@ class Processor:
         if not is_clean:
             for block in _blocks(*rows.shape):
                 valid[block] = np.isfinite(signed(block)).any(axis=1)
-        fresh = _fresh(times, valid)
         usable = (valid & np.isfinite(times)).nonzero()[0]
-        drifts, starts = drift.along(noise, signed, usable, times[usable], fresh[usable])
+        drifts, starts = drift.along(noise, signed, usable, times[usable], _fresh(times, valid)[usable])
         if len(starts) == 1 and drift.offset is None:
-            return None, number
+            return lambda block: rows[block].astype(float)
+        number = np.zeros(len(rows), np.int64)
         number[starts[1:]] = 1
-        return drifts, np.cumsum(number)
-
-    def _touched(
-        self, intensities: Array, forces: Array, known: BoolArray
-    ) -> tuple[BoolArray, BoolArray, Array | None, BoolArray | None]:
-        """Return which taxels (T, n) become active, which of the active ones stay so, and two results of the noise.
-
-        Without noise a load decides, and only active taxels are in the sums. With noise the results are the weighted
-        forces (T, n) [N], and whether a load differs from the noise (T,). See :mod:`.touched` for single readings.
-        """
-        if self.thresholds is not None:
-            on, off = self.thresholds
-            return (forces >= on) & known, (forces >= off) & known, None, None
-        noise = self.readings.noise
-        assert noise is not None
-        signed = noise.signed(intensities)
-        if not known.all():
-            signed = np.where(known, signed, noise.free)
-        positive = forces > 0
-        switched = (signed > noise.sure) & positive
-        pair = (signed > noise.pair) & positive
-        switched |= pair & has_neighbour(pair, self.skin.neighbours)
-        excess = signed @ noise.slopes - noise.free_sum
-        has_load = switched.any(axis=1) | (excess > noise.load_level)
-        keeps = (signed > noise.release) & positive & has_load[:, None]
-        pushes = _pushes(noise, signed, forces, excess)
-        pushes[~has_load] = 0.0
-        pushes[~known] = 0.0
-        return switched, keeps, pushes, has_load
+        number = np.cumsum(number)
+        return lambda block: rows[block].astype(float) - drifts[number[block]]
 
     def _sums(self, pushes: Array, active: BoolArray) -> Array:
         """Return the wrench and the sums of :attr:`.GroundGeometry.terms`, (T, 12)."""
         ground, sums = self.ground, pushes @ self.terms.sums.T
         if ground is not None:
-            full = (active | ~ground.can_stand).all(axis=1) & (ground.standing_count > 0)
+            full = ground.is_full(active)
             if full.any():
                 sums[full] = pushes[full] @ ground.full_contact.sums.T
         return sums
@@ -175,35 +130,3 @@ def _fresh(times: Array, valid: BoolArray) -> BoolArray:
         fresh[k] = not clock.flags(time).isdisjoint({"time_back", "time_jump"})
         clock.accept(time)
     return fresh
-
-
-def _states(switched: BoolArray, keeps: BoolArray, before: BoolArray) -> BoolArray:
-    """Return which taxels (T, n) are active after each row: switched on, or active before and kept.
-
-    The last row that switched a taxel on or off decides. An odd number stands for on, and later rows have larger ones.
-    """
-    smallest_type = np.min_scalar_type(2 * len(switched) + 1)
-    number = np.arange(2, 2 * len(switched) + 2, 2, dtype=smallest_type)[:, None]
-    last = (number + switched) * (switched | ~keeps)
-    last[0] = np.maximum(last[0], before)
-    step = 1
-    while step < len(last):  # the largest number so far; six times as fast as maximum.accumulate along columns
-        last[step:] = np.maximum(last[step:], last[:-step])
-        step *= 2
-    return (last & 1).astype(bool)
-
-
-def _pushes(noise: Noise, signed: Array, forces: Array, excess: Array) -> Array:
-    """Return the parts (T, n) of the taxels in the sums [N], as :meth:`.Noise.pushes` does for one row."""
-    weights = noise.steps(signed)
-    clear = noise.clear(weights, signed)
-    few = excess > (1 + HIDDEN_LOAD[0]) * clear
-    excess, clear = excess[few], clear[few]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        hidden = np.where(clear > 0, np.minimum(hidden_weight(excess / clear), 1.0), 1.0)
-    weights[few] += hidden[:, None] * (1 - weights[few])
-    pushes = forces + noise.rectified
-    pushes[few] += noise.negative(signed[few])
-    pushes *= weights
-    pushes -= noise.rectified
-    return pushes

@@ -32,9 +32,13 @@ NO_POLYGON = SupportingPolygon(EMPTY_POLYGON, EMPTY_POLYGON, EMPTY_POLYGON)
 class Footprint:
     """The active taxels of a skin. Each result is computed when it is first used, once."""
 
-    def __init__(self, skin: SkinGeometry, ground: GroundGeometry | None, rows: IntArray):
-        self.skin, self.ground, self.rows = skin, ground, rows
-        lock(rows)
+    def __init__(self, skin: SkinGeometry, ground: GroundGeometry | None, active: BoolArray):
+        self.skin, self.ground, self.active, self.rows = skin, ground, active, active.nonzero()[0]
+        lock(self.active, self.rows)
+
+    def of(self, active: BoolArray) -> "Footprint":
+        """Return the footprint of these active taxels (n,): this one if they are its own."""
+        return Footprint(self.skin, self.ground, active) if np.count_nonzero(active != self.active) else self
 
     @cached_property
     def groups(self) -> IntArray:
@@ -61,10 +65,7 @@ class Footprint:
     @cached_property
     def is_full(self) -> bool:
         """Whether all taxels that can stand on the ground are active."""
-        ground = self.ground
-        if ground is None or len(self.rows) < ground.standing_count or not ground.standing_count:
-            return False
-        return int(np.count_nonzero(ground.can_stand.take(self.rows))) == ground.standing_count
+        return self.ground is not None and bool(self.ground.is_full(self.active))
 
 
 def supporting_polygon(

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -70,10 +71,7 @@ class Frame:
     @property
     def active(self) -> BoolArray:
         """Whether each taxel is part of a contact, (n,)."""
-        active = np.zeros(len(self.forces), bool)
-        if self.footprint is not None:
-            active[self.footprint.rows] = True
-        return active
+        return np.zeros(len(self.forces), bool) if self.footprint is None else self.footprint.active.copy()
 
     @property
     def area(self) -> float:
@@ -142,10 +140,10 @@ class Frame:
             return self.problem or "no taxel has a valid reading"
         if self.footprint.ground is None:
             return "the skin is not flat and has no ground; pass one to load()"
-        if self.sets.stands is None:
-            return f"the load is {self.load:.2g} N; a CoP needs {MIN_LOAD:g} N" if self.load < MIN_LOAD else None
-        if self.load > 0:
+        if is_standing(self.load, self.sets.stands):
             return None
+        if self.sets.stands is None:
+            return f"the load is {self.load:.2g} N; a CoP needs {MIN_LOAD:g} N"
         limit = 0.0 if self.noise is None else float(f"{self.noise.load_limit:.2g}")
         return f"no load differs from the noise, which hides loads up to {limit:g} N"
 
@@ -161,10 +159,7 @@ class Frame:
         This assumes that each force acts at the centre of its cell. If all taxels that can stand are in contact, the
         sums of CoP, ZMP and wrench also have the moments of the pressure gradient within the cells.
         """
-        if self.reason is not None:
-            return None
-        lift, lift_x, lift_y, *_ = self._on_ground
-        return locked(np.array((lift_x / lift, lift_y / lift)))
+        return None if self.sums is None or self.reason is not None else locked(cop_of(self.sums))
 
     @cached_property
     def zmp(self) -> Array | None:
@@ -178,8 +173,9 @@ class Frame:
 
         If all taxels are in the ground plane and all normals are vertical, it equals the CoP.
         """
-        *_, fz, tx, ty = self._on_ground
-        return locked(np.array((-ty / fz, tx / fz))) if self.reason is None and fz > 0 else None
+        return (
+            None if self.sums is None or self.reason is not None or not self.sums[9] > 0 else locked(zmp_of(self.sums))
+        )
 
     @cached_property
     def force_sigmas(self) -> Array | None:
@@ -272,6 +268,24 @@ class Frame:
             noise = max(cmm - 2 * x * cmf + x * x * of_load, 0.0)
             sigmas.append(math.sqrt(noise + placed + g * g) / load)
         return locked(np.array(sigmas))
+
+
+TURN = np.array((-1.0, 1.0))  # the moment about y moves the ZMP along -x, that about x along y
+
+
+def is_standing(load: Any, has_load: Any) -> Any:
+    """Return whether a link stands (...): by the load alone [N] (...), or if the noise says that there is one (...)."""
+    return load >= MIN_LOAD if has_load is None else (load > 0) & has_load
+
+
+def cop_of(sums: Array) -> Array:
+    """Return the CoP (..., 2) [m] of :attr:`Frame.sums` (..., 12), see :attr:`Frame.cop`."""
+    return sums[..., 7:9] / sums[..., 6:7]
+
+
+def zmp_of(sums: Array) -> Array:
+    """Return the ZMP (..., 2) [m] of :attr:`Frame.sums` (..., 12), see :attr:`Frame.zmp`."""
+    return sums[..., 11:9:-1] / (sums[..., 9:10] * TURN)
 
 
 def zero_moment_point(wrench: Array, height: float = 0.0) -> Array | None:

@@ -145,6 +145,7 @@ class GroundGeometry:
         downward = -(skin.normals @ plane.axes[2])  # the fraction of a force that lifts the robot
         self.can_stand = downward >= MIN_DOWNWARD
         self.standing_count = int(self.can_stand.sum())
+        self._cannot_stand = ~self.can_stand
         self.centres = plane.flat(skin.positions)
         self.corners = plane.flat(skin.corners)
         lift = np.where(self.can_stand, downward, 0.0)[:, None]
@@ -172,6 +173,13 @@ class GroundGeometry:
         self.in_cell = self._moved(skin, pushes, lift, shift)
         self.gradient = (self.in_cell.ground[:, 1:3] - self.terms[:, 1:3]).T.copy()
         lock(*vars(self).values(), *(self.full_contact_correction or ()))
+
+    def is_full(self, active: BoolArray) -> BoolArray:
+        """Return whether all taxels that can stand on the ground are active (...), of active ones (..., n)."""
+        if not self.standing_count:
+            return np.zeros(active.shape[:-1], bool)
+        full: BoolArray = (active | self._cannot_stand).all(axis=-1)
+        return full
 
     def _moved(self, skin: SkinGeometry, pushes: Array, lift: Array, shift: Array) -> "Terms":
         """Return the terms if each force acts away from the centre of its cell."""

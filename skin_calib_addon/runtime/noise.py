@@ -1,9 +1,6 @@
-r"""Learn the noise of a skin from readings without contact, and derive from it what a reading can prove.
+"""Learn the noise of a skin from readings without contact, and derive from it what a reading can prove.
 
-The reading of a taxel at rest is a normal variable with the mean :math:`m` and the standard deviation :math:`\sigma`,
-rounded to steps :math:`q`, and often clipped: most converters send 0 for all that is below 0. The mean and the standard
-deviation of clipped readings hide 40 % of the noise. The fit therefore treats each level as an interval, and the lowest
-one as open. Thresholds follow from stated probabilities of an error.
+Thresholds follow from stated probabilities of an error. :mod:`.at_rest` has the distribution of the readings.
 """
 
 import math
@@ -14,7 +11,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, IntArray, lock, locked
+from ..common.arrays import Array, BoolArray, IntArray, lock, locked, some
+from .at_rest import BELOW, GRID, AtRest
 
 if TYPE_CHECKING:
     from ..calibration.taxel_responses import TaxelResponses
@@ -54,41 +52,10 @@ HIDDEN_LOAD = (0.1, 0.3)
 # [s] Time constant of the baseline of free taxels. Larger: the baseline is behind a fast drift; smaller: loads that
 # grow faster count as drift.
 TRACKING_TIME = 10.0
-# [frames] Fewer frames say nothing about the noise. Larger: a longer rest is needed; smaller: the estimate is so
-# uncertain that hardly a taxel counts as touched.
-MIN_FRAMES = 20
-# [s] Shortest rest before a tare from which noise is learned. Larger: the skin is without statements for longer.
-MIN_REST = 0.5
-# [s] Shortest period of the frames that are stored for it. Larger: fewer frames of a fast skin are stored.
-REST_PERIOD = 0.0035
-# [frames] Number of stored frames that ends the rest. Larger: better estimates, later.
-MAX_FRAMES = 250
-# [frames] Weight of the histogram of all taxels in that of each. Larger: a taxel that differs from the others is
-# learned more slowly; smaller: estimates scatter more.
-POOLED_FRAMES = 50.0
-# Number of levels of a histogram. Larger: slower; smaller: wide noise is overestimated, by 1/12 of a level squared.
-LEVELS = 32
-# Iterations of the fit of all taxels together. Larger: slower, for the last percent of the estimates.
-POOLED_ITERATIONS = 200
-# Iterations of the fits of each taxel. Larger: slower, for the last percent of the estimates.
-TAXEL_ITERATIONS = 60
-# [1] Smallest step of real numbers, relative to the range of the readings. Derived: from rounding.
-MIN_STEP_FRACTION = 1e-9
-# [steps] Smallest standard deviation: readings that never changed in a second prove no less. Larger: coarse converters
-# have higher limits.
-MIN_SIGMA = 0.25
-# [1] Fraction of readings at the lowest level, from which on readings are clipped. Larger: the hidden noise of some
-# clipped taxels is missed; smaller: the noise of others is overestimated.
-MIN_CLIPPED = 0.05
-# [1] Ratio of this fraction to that of the next level, from which on readings are clipped. As MIN_CLIPPED.
-MIN_PILE = 0.5
 # [1] Probability of a largest reading at rest, below which the noise is not normal. Larger: more skins count as such.
 MIN_TAIL_PROBABILITY = 0.01
 # [largest reading at rest] Thresholds of such skins. Smaller: rare spikes count as contacts.
 TAIL_FACTOR = 2.0
-# [1] Probability that a taxel of a skin with noise sends one number in all frames, below which it is dead.
-# Larger: a live taxel may count as dead.
-MAX_DEAD_PROBABILITY = 1e-6
 # [1] Probability that noise repeats one number, or one frame, below which it is a fault. Larger: a fault is reported
 # earlier, and chance as a fault.
 MAX_REPEAT_PROBABILITY = 1e-8
@@ -96,9 +63,6 @@ MAX_REPEAT_PROBABILITY = 1e-8
 # found only if it is deeper; smaller: tails of the noise are reported.
 BELOW_REST = 2.0
 
-# Standard normal distribution for interpolation; the error of the interpolation is below 1e-6.
-_GRID = np.linspace(-8.0, 8.0, 3201)
-_BELOW = np.array([0.5 * math.erfc(-x / math.sqrt(2)) for x in _GRID.tolist()])
 
 Ratio = TypeVar("Ratio", float, Array)
 
@@ -150,12 +114,15 @@ class Noise:
         """Return signed readings (n,), which rise with the force; the same array if all readings do."""
         return intensities if self._rises else intensities * self.sign
 
-    def excess(self, signed: Array) -> float:
-        """Return the sum of the forces near rest of signed readings (n,), without its mean [N]; not cut off at zero."""
-        return float(signed.dot(self.slopes)) - self.free_sum
+    def excess(self, signed: Array) -> Array:
+        """Return the sums (...) of the forces near rest of signed readings (..., n), without their mean [N].
 
-    def pushes(self, signed: Array, forces: Array, excess: float) -> tuple[Array, Array]:
-        r"""Return the weight (n,) of each taxel in sums, and its part of them (n,) [N].
+        A sum may be negative.
+        """
+        return signed.dot(self.slopes) - self.free_sum
+
+    def pushes(self, signed: Array, forces: Array, excess: Array) -> tuple[Array, Array]:
+        r"""Return the weight (..., n) of each taxel in sums, and its part of them (..., n) [N].
 
         The weight is 0 near rest and 1 for clear contacts, with a smooth step. A light foot on flat ground has all of
         its load below the noise of single taxels. The more of the load is there, the more all taxels count.
@@ -170,16 +137,21 @@ class Noise:
 
         Parameters
         ----------
-        signed, forces : array, shape (n,)
+        signed, forces : array, shape (..., n)
             Signed readings, and the forces that follow from them [N].
-        excess : float
+        excess : array, shape (...)
             Result of :meth:`excess` [N].
         """
         weights = self.steps(signed)
-        clear = float(self.clear(weights, signed))
-        if excess > (1 + HIDDEN_LOAD[0]) * clear:
-            weights += (min(hidden_weight(excess / clear), 1.0) if clear > 0 else 1.0) * (1 - weights)
-            forces = forces + self.negative(signed)
+        clear = self.clear(weights, signed)
+        few = excess > (1 + HIDDEN_LOAD[0]) * clear
+        if some(few):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                hidden = np.minimum(hidden_weight(excess[few] / clear[few]), 1.0)
+            hidden = np.where(clear[few] > 0, hidden, 1.0)
+            weights[few] += hidden[:, None] * (1 - weights[few])
+            forces = forces.copy()
+            forces[few] += self.negative(signed[few])
         pushes = forces + self.rectified
         pushes *= weights
         pushes -= self.rectified
@@ -259,43 +231,6 @@ def _smooth(step: Array) -> Array:
     return square
 
 
-class Rest:
-    """Keep the first frames of a skin, until they show that the skin is free, and how its readings scatter."""
-
-    def __init__(self) -> None:
-        self._rows: list[Array] = []
-        self._times: list[float] = []
-        self._next = MIN_FRAMES
-
-    def add(self, intensities: Array, time: float) -> Array | None:
-        """Store a frame; return all stored ones (frames, n) when it is time to look at them.
-
-        Parameters
-        ----------
-        intensities : array, shape (n,)
-            Readings.
-        time : float
-            Of the frame [s].
-        """
-        if self._times and time - self._times[-1] < REST_PERIOD:
-            return None
-        self._rows.append(intensities)
-        self._times.append(time)
-        if len(self._rows) < self._next or time - self._times[0] < MIN_REST:
-            return None
-        self._next = min(2 * len(self._rows), MAX_FRAMES) if len(self._rows) < MAX_FRAMES else MAX_FRAMES + 1
-        return np.array(self._rows)
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether enough frames are stored."""
-        return len(self._rows) >= MAX_FRAMES
-
-    def clear(self) -> None:
-        """Drop all frames: the skin was not free."""
-        self._rows, self._times, self._next = [], [], MIN_FRAMES
-
-
 def learned(rows: Array, responses: "TaxelResponses", pairs: IntArray, is_whole: bool) -> Noise | None:
     """Return the noise of readings at rest; None if they say nothing about it.
 
@@ -310,97 +245,120 @@ def learned(rows: Array, responses: "TaxelResponses", pairs: IntArray, is_whole:
     is_whole : bool
         Whether the converter sends whole numbers.
     """
-    finite = np.isfinite(rows)
-    present = finite.any(axis=0)
-    rows = rows[finite[:, present].all(axis=1)] * responses.sign
-    frames, n = rows.shape
-    step = _step(rows[:, present], is_whole)
-    if frames < MIN_FRAMES or step is None:
+    rest = AtRest.of(rows, responses.sign, is_whole)
+    if rest is None:
         return None
-    rows = np.where(present, rows, 0.0)
-    mean, spread, clipped, constant = _normal(rows, step)
-    dead = constant | ~present
-    sigma = np.sqrt(spread**2 + step**2 / 12)
-    known = int(np.count_nonzero(~dead))
-    if not known:
-        return None
-    unit = (rows - rows.mean(axis=0)) / np.maximum(rows.std(axis=0), MIN_SIGMA * step)
-    alike_later = max(float((unit[1:] * unit[:-1])[:, ~dead].mean()), 0.0)
-    independent = frames * (1 - alike_later**2) / (1 + alike_later**2)  # frames that give as good a deviation
-    freedom = np.maximum(independent * (1 - clipped), 1.0) + np.where(clipped > 0, POOLED_FRAMES / 2, 0.0)
-
-    def level(quantile: float) -> Array:
-        return mean + step / 2 + spread * student(quantile, freedom)
-
-    first, second = unit.T[pairs.T]
-    alike = float((first * second).mean()) if len(pairs) else 0.0
-    false_sure = MAX_FALSE_SURE / 2 / known
-    sure, three = level(NormalDist().inv_cdf(1 - false_sure)), joint_quantile(false_sure, alike_later, 3)
-    pair = level(joint_quantile(MAX_FALSE_PAIR / max(len(pairs), 1), alike, 2))
-    above = ((rows - mean - step / 2) / spread)[:, ~dead]
-    largest = float(above.max())
-    if largest > NormalDist().inv_cdf(1 - MIN_TAIL_PROBABILITY / above.size):
-        guard = mean + step / 2 + TAIL_FACTOR * largest * spread
-        sure, pair = np.maximum(sure, guard), np.maximum(pair, guard)
-        three = max(three, float(np.quantile(above, NormalDist().cdf(three))))
-    centred = 1 - 2 * np.interp(-step / 2 / spread, _GRID, _BELOW)  # largest probability of one number
-    most = np.maximum(centred, _most(rows))
-    # an active taxel is not at the lowest level, however often it is there at rest
-    one, whole = (np.log(np.where(dead, 1.0, p)) for p in (np.where(clipped > 0, centred, most), most))
-    with np.errstate(divide="ignore"):
-        repeats, frame_repeats = (-math.log(MAX_REPEAT_PROBABILITY) / np.abs(x) for x in (one, whole.sum()))
-    rest = responses.rest
-    slopes = np.where(dead, 0.0, responses.forces(rest + 4 * responses.sign * sigma) - responses.forces(rest))
-    slopes = np.nan_to_num(slopes / (4 * sigma))
-    sums = rows @ slopes
-    deviations = sums - sums.mean()
-    deviation = float(deviations.std(ddof=1))
-    skewness = float((deviations**3).mean()) / deviation**3 if deviation else 0.0
-    k = float(student(NormalDist().inv_cdf(1 - MAX_FALSE_LOAD), np.array(max(independent - 1, 1.0))))
-    k += (k * k - 1) * max(skewness, 0.0) / 6  # Cornish and Fisher 1938
-    if_alone = float(np.linalg.norm(slopes * rows.std(axis=0, ddof=1)))  # of the sum, if taxels have no common noise
-    common = max(1.0, deviation / if_alone) if if_alone else 1.0
-    amplitudes, deviation_at_rest = sigma * slopes, (rows - mean) / sigma
-    weights = _smooth((deviation_at_rest - WEIGHT_START) / (WEIGHT_FULL - WEIGHT_START))
-    passes, leaves_out = (weights * deviation_at_rest) @ amplitudes, (1 - weights) @ amplitudes
-    low, free = rows.min(axis=0), rows.mean(axis=0)
-    hidden = low - mean - (free - mean) / (rows == low).mean(axis=0)  # deviation of the readings that are clipped
+    mean, sigma = rest.mean, rest.sigma
+    sure, lasting, pair = _levels(rest, pairs)
+    repeats, frame_repeats = _repeats(rest)
+    slopes = _slopes(rest, responses)
+    sums = rest.rows @ slopes
+    common = _common(rest, slopes, sums)
     # the reading has to pass the threshold by less than a step, half of which rounding may take
-    limits = responses.forces(rest + responses.sign * (POSSIBLE * sigma + step / 2 + LIMIT_MARGIN * spread))
+    limits = POSSIBLE * sigma + rest.step / 2 + LIMIT_MARGIN * rest.spread
     return Noise(
         mean=mean,
         sigma=sigma,
-        dead=dead,
+        dead=rest.dead,
         sign=responses.sign,
         sure=sure,
-        lasting=level(three),
+        lasting=lasting,
         pair=pair,
         possible=mean + POSSIBLE * sigma,
         release=mean + RELEASE * sigma,
         lowest=mean - BELOW_REST * (sure - mean),
         repeats=repeats,
-        frame_repeats=float(frame_repeats),
+        frame_repeats=frame_repeats,
         slopes=slopes,
-        free=free,
+        free=rest.rows.mean(axis=0),
         free_sum=float(sums.mean()),
-        load_level=k * deviation,
+        load_level=_load_level(rest, sums),
         common=common,
-        rectified=amplitudes * (passes.sum() / max(float(leaves_out.sum()), np.finfo(float).tiny)),
-        clip=np.where(clipped > 0, low, -np.inf),
-        below_clip=np.minimum(hidden * slopes, 0.0),
-        detection_limits=limits,
+        rectified=_rectified(rest, slopes),
+        clip=np.where(rest.clipped > 0, rest.rows.min(axis=0), -np.inf),
+        below_clip=_below_clip(rest, slopes),
+        detection_limits=responses.forces(responses.rest + responses.sign * limits),
         load_limit=LOAD_LIMIT * common * float(np.linalg.norm(slopes * sigma)),
     )
 
 
-def _most(rows: Array) -> Array:
-    """Return the fraction (n,) of the rows (frames, n) that have the most frequent number of each taxel."""
-    rows = np.sort(rows, axis=0)
-    run, longest = np.ones(rows.shape[1]), np.ones(rows.shape[1])
-    for below, above in zip(rows[:-1], rows[1:]):
-        run = np.where(above == below, run + 1, 1.0)
-        longest = np.maximum(longest, run)
-    return longest / len(rows)
+def _levels(rest: AtRest, pairs: IntArray) -> tuple[Array, Array, Array]:
+    """Return the levels ``sure``, ``lasting`` and ``pair`` (n,) of :class:`Noise` from the allowed probabilities.
+
+    A level is a quantile of Student's distribution, half a step higher because of the rounding. Where the largest
+    reading at rest is too large for normal noise, it bounds the levels.
+    """
+    mean, spread, step, is_live = rest.mean, rest.spread, rest.step, ~rest.dead
+    false_sure = MAX_FALSE_SURE / 2 / int(np.count_nonzero(is_live))
+    first, second = rest.unit.T[pairs.T]
+    alike = float((first * second).mean()) if len(pairs) else 0.0  # correlation of neighbours
+
+    def level(quantile: float) -> Array:
+        return mean + step / 2 + spread * student(quantile, rest.freedom)
+
+    sure = level(NormalDist().inv_cdf(1 - false_sure))
+    three = joint_quantile(false_sure, rest.later_correlation, 3)
+    pair = level(joint_quantile(MAX_FALSE_PAIR / max(len(pairs), 1), alike, 2))
+    above = ((rest.rows - mean - step / 2) / spread)[:, is_live]
+    largest = float(above.max())
+    if largest > NormalDist().inv_cdf(1 - MIN_TAIL_PROBABILITY / above.size):
+        guard = mean + step / 2 + TAIL_FACTOR * largest * spread
+        sure, pair = np.maximum(sure, guard), np.maximum(pair, guard)
+        three = max(three, float(np.quantile(above, NormalDist().cdf(three))))
+    return sure, level(three), pair
+
+
+def _repeats(rest: AtRest) -> tuple[Array, float]:
+    """Return the numbers of equal readings (n,), and of equal frames, that are no chance: ``log P / log p``."""
+    of_one, of_all = (np.log(np.where(rest.dead, 1.0, p)) for p in rest.repeat_probabilities)
+    with np.errstate(divide="ignore"):
+        repeats, of_frames = (-math.log(MAX_REPEAT_PROBABILITY) / np.abs(x) for x in (of_one, of_all.sum()))
+    return repeats, float(of_frames)
+
+
+def _slopes(rest: AtRest, responses: "TaxelResponses") -> Array:
+    """Return the forces per reading (n,) near rest: the mean slope over four standard deviations [N]."""
+    start, width = responses.rest, 4 * rest.sigma
+    end = start + 4 * responses.sign * rest.sigma
+    rise = np.where(rest.dead, 0.0, responses.forces(end) - responses.forces(start))
+    return np.nan_to_num(rise / width)
+
+
+def _load_level(rest: AtRest, sums: Array) -> float:
+    """Return the level of the sum of all taxels above its mean (frames,) that is a load [N].
+
+    A quantile of Student's distribution, with the first term of Cornish and Fisher (1938) for skewed noise.
+    """
+    deviations = sums - sums.mean()
+    deviation = float(deviations.std(ddof=1))
+    skewness = float((deviations**3).mean()) / deviation**3 if deviation else 0.0
+    freedom = np.array(max(rest.independent_frames - 1, 1.0))
+    k = float(student(NormalDist().inv_cdf(1 - MAX_FALSE_LOAD), freedom))
+    return (k + (k * k - 1) * max(skewness, 0.0) / 6) * deviation
+
+
+def _common(rest: AtRest, slopes: Array, sums: Array) -> float:
+    """Return the standard deviation of the sum (frames,), relative to that of taxels without common noise."""
+    if_alone = float(np.linalg.norm(slopes * rest.rows.std(axis=0, ddof=1)))
+    return max(1.0, float((sums - sums.mean()).std(ddof=1)) / if_alone) if if_alone else 1.0
+
+
+def _rectified(rest: AtRest, slopes: Array) -> Array:
+    """Return the force (n,) that the weights let pass at rest, over the mean of 1 - weight [N]; see ``pushes``."""
+    deviations, amplitudes = (rest.rows - rest.mean) / rest.sigma, rest.sigma * slopes
+    weights = _smooth((deviations - WEIGHT_START) / (WEIGHT_FULL - WEIGHT_START))
+    passes, leaves_out = (weights * deviations) @ amplitudes, (1 - weights) @ amplitudes
+    return amplitudes * (passes.sum() / max(float(leaves_out.sum()), np.finfo(float).tiny))
+
+
+def _below_clip(rest: AtRest, slopes: Array) -> Array:
+    """Return the mean force (n,) of the readings that the clipping hides, near rest [N].
+
+    The mean of a taxel after the clipping is higher by the fraction of clipped readings, times what each of them lost.
+    """
+    low, free = rest.rows.min(axis=0), rest.rows.mean(axis=0)
+    hidden = low - rest.mean - (free - rest.mean) / (rest.rows == low).mean(axis=0)
+    return np.minimum(hidden * slopes, 0.0)
 
 
 def hidden_weight(ratio: Ratio) -> Ratio:
@@ -451,85 +409,9 @@ def joint_quantile(probability: float, correlation: float, count: int) -> float:
     count : int
         Number k of the variables.
     """
-    u, levels = _GRID[::20], _GRID[_GRID >= 0][::20]
+    u, levels = GRID[::20], GRID[GRID >= 0][::20]
     width = float(u[1] - u[0])  # of a step of the sum
     own = max(math.sqrt(1 - max(correlation, 0.0)), width)
-    above = np.interp((math.sqrt(max(correlation, 0.0)) * u - levels[:, None]) / own, _GRID, _BELOW)
+    above = np.interp((math.sqrt(max(correlation, 0.0)) * u - levels[:, None]) / own, GRID, BELOW)
     every = (above**count @ np.exp(-u * u / 2)) * width / math.sqrt(2 * math.pi)
     return float(np.interp(-math.log(probability), -np.log(every), levels))
-
-
-def _step(rows: Array, is_whole: bool) -> float | None:
-    """Return the step of a converter: 1, or the smallest difference of two readings; None if they never differ."""
-    if is_whole:
-        return 1.0
-    values = np.unique(rows)
-    gaps = np.diff(values)
-    return float(gaps[gaps > MIN_STEP_FRACTION * np.ptp(values)].min()) if len(gaps) else None
-
-
-def _normal(rows: Array, step: float) -> tuple[Array, Array, Array, BoolArray]:
-    """Return mean and standard deviation (n,) before rounding and clipping, and the fraction at the lowest level.
-
-    Taxels that are not clipped have the mean and the standard deviation of their readings. The last result is whether
-    a taxel sends one number, although others change too much for that.
-    """
-    frames, n = rows.shape
-    low = rows.min(axis=0)
-    width = np.maximum(step, (rows.max(axis=0) - low) / LEVELS)
-    level: IntArray = np.rint((rows - low) / width).astype(np.int64)
-    counts = np.zeros((int(level.max()) + 1, n))
-    np.add.at(counts, (level, np.arange(n)), 1.0)
-    pooled = counts[:, width == step].sum(axis=1, keepdims=True)
-    most = 1.0
-    if pooled.any():
-        pooled /= pooled.sum()
-        most = float(pooled.max())
-    constant = (low == rows.max(axis=0)) & (frames * math.log(most) < math.log(MAX_DEAD_PROBABILITY))
-    clipped = counts[0] / frames
-    mean = rows.mean(axis=0)
-    spread = np.sqrt(np.maximum(rows.var(axis=0, ddof=1) - step**2 / 12, 0.0))
-    chosen = (clipped > MIN_CLIPPED) & (counts[0] >= MIN_PILE * np.append(counts, np.zeros((1, n)), axis=0)[1])
-    if chosen.any():
-        pooled = counts[:, chosen & (width == step)].sum(axis=1, keepdims=True)
-        pooled /= max(pooled.sum(), 1.0)
-        of_all = _censored(pooled, *_moments(pooled), POOLED_ITERATIONS) if pooled.any() else None
-        mixed = counts[:, chosen]
-        start = _moments(mixed)
-        if of_all is not None:
-            similar = width[chosen] == step
-            mixed = mixed + np.where(similar, POOLED_FRAMES * pooled, 0.0)
-            start = tuple(np.where(similar, one, each) for one, each in zip(of_all, start))  # type: ignore[assignment]
-        middle, deviation = _censored(mixed, *start, TAXEL_ITERATIONS)
-        mean[chosen] = low[chosen] + width[chosen] * middle
-        spread[chosen] = width[chosen] * deviation
-    return mean, np.maximum(spread, MIN_SIGMA * step), np.where(chosen, clipped, 0.0), constant
-
-
-def _moments(counts: Array) -> tuple[Array, Array]:
-    """Return mean and standard deviation (n,) of histograms (levels, n), in levels, where the fit starts."""
-    level = np.arange(len(counts))[:, None]
-    mean = (counts * level).sum(axis=0) / counts.sum(axis=0)
-    return mean, np.sqrt((counts * (level - mean) ** 2).sum(axis=0) / counts.sum(axis=0) + 1 / 12)
-
-
-def _censored(counts: Array, mean: Array, sigma: Array, iterations: int) -> tuple[Array, Array]:
-    """Return mean and standard deviation (n,) of normal variables, of which only histograms are known, in levels.
-
-    Level k is the interval from k - 1/2 to k + 1/2; the lowest one has no lower end. The likelihood increases with each
-    iteration (expectation and maximization, Dempster et al. 1977).
-    """
-    edges = np.arange(1, len(counts))[:, None] - 0.5
-    fractions = counts / counts.sum(axis=0)
-    zero = np.zeros((1, counts.shape[1]))
-    for _ in range(iterations):
-        z = np.clip((edges - mean) / sigma, -8.0, 8.0)
-        below = np.concatenate((zero, np.interp(z, _GRID, _BELOW), zero + 1))
-        density = np.exp(-z * z / 2) / math.sqrt(2 * math.pi)
-        inside = np.maximum(np.diff(below, axis=0), 1e-12)
-        first = -np.diff(np.concatenate((zero, density, zero)), axis=0) / inside  # of z in each interval
-        second = 1 - np.diff(np.concatenate((zero, z * density, zero)), axis=0) / inside
-        shift = (fractions * first).sum(axis=0)
-        square = (fractions * second).sum(axis=0) - shift**2
-        mean, sigma = mean + sigma * shift, sigma * np.sqrt(np.maximum(square, 1e-4))
-    return mean, sigma

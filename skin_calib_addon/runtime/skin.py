@@ -14,15 +14,26 @@ from ..common.errors import InvalidReading, UnknownTaxel
 from .batch import Batch, Processor
 from .clock import Clock
 from .contacts import contacts_of
+from .faults import Faults
 from .footprint import Footprint
 from .frame import Frame
 from .geometry import GroundGeometry, SkinGeometry, Terms, observable, wrench_rank
 from .identity import Identities
 from .modalities import Modalities, ModalityValues, force_of, without_force
-from .noise import Noise, Rest
+from .noise import Noise
 from .plane import Plane, ground_of
-from .readings import Readings
-from .touched import Streak, by_noise, by_thresholds
+from .readings import Readings, Signals, force_sigmas
+from .rest import Rest, is_rest
+from .touched import (
+    Evidence,
+    Streak,
+    Touched,
+    by_noise,
+    by_thresholds,
+    switched,
+    touched_by_load,
+    touched_by_noise,
+)
 
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration
@@ -32,6 +43,10 @@ if TYPE_CHECKING:
 # Larger: weak contacts are not found; smaller: noise makes contacts. SWITCH_OFF nearer to SWITCH_ON: contacts appear
 # and disappear with the noise.
 SWITCH_ON, SWITCH_OFF = 0.2, 0.1
+
+# Flags of frames about which the frame before says nothing, and of frames that are not part of a rest.
+NO_PAST = frozenset({"time_back", "time_jump"})
+NOT_AT_REST = NO_PAST | {"byte_order"}
 
 
 def load(
@@ -119,13 +134,14 @@ class Skin:
         if self.ground is not None:
             self._terms = self.ground.in_cell if in_cell else self.ground.plain
         self._readings = Readings(calibration, self.geometry, follow_drift, creep)
+        self._faults = Faults(self._readings.responses)
         self._modalities = Modalities(calibration.modalities, self.link, self.ids, self.channels)
         self._rest: Rest | None = None if self._has_thresholds else Rest()
         self._clock = Clock()
         self._identities = Identities(len(self.ids))
         self._active: BoolArray = np.zeros(len(self.ids), bool)
         self._streak = Streak(len(self.ids))
-        self._footprint = Footprint(self.geometry, self.ground, np.empty(0, np.int64))
+        self._footprint = Footprint(self.geometry, self.ground, np.zeros(len(self.ids), bool))
 
     @property
     def warnings(self) -> "tuple[Warning, ...]":
@@ -240,7 +256,9 @@ class Skin:
         InvalidReading
             As for :meth:`forces`; the baseline does not change.
         """
-        self._readings.tare(readings)
+        rows, is_whole = self._readings.at_rest(readings)
+        self._faults.byte_order.learn(rows)
+        self._readings.learn(rows, is_whole)
         self._rest = None if self._has_thresholds or self.noise is not None else Rest()
 
     def mask(self, ids: Iterable[str]) -> None:
@@ -323,76 +341,63 @@ class Skin:
         flags: frozenset[str],
         modalities: Mapping[str, ModalityValues],
     ) -> Frame:
-        """Return the frame of a reading, and change the state of the skin."""
-        intensities, forces, known = self._readings.next(raw, changed)
-        known_count = np.count_nonzero(known)
-        is_complete = bool(known_count == len(known))
-        if not is_complete:
-            flags |= self._readings.flags(intensities, known)
-            if known_count == 0:
+        """Return the frame of a reading (n,), and change the state of the skin."""
+        signals, noise = self._readings.next(raw, changed), self.noise
+        if not signals.is_complete:
+            flags |= self._readings.flags(raw, signals.known)
+            if not np.count_nonzero(signals.known):
                 return self._unknown(time, flags | {"blind"}, "no taxel has a valid reading", modalities)
-            forces = np.where(known, forces, 0.0)
-        fresh = not flags.isdisjoint({"time_back", "time_jump"})  # the last frame says nothing about this one
-        unchanged = self._readings.unchanged(raw)
+        if not flags.isdisjoint(NO_PAST):
+            self._forget()
+        unchanged = self._faults.unchanged(raw)
         is_new = bool(np.count_nonzero(unchanged) < len(unchanged))
-        noise, before = self.noise, self._active
-        if fresh:
-            self._streak, before = Streak(len(known)), np.zeros(len(known), bool)
-        signed = None if noise is None else noise.signed(intensities)
-        if noise is None or signed is None or self._has_thresholds:
-            touched, state = by_thresholds(
-                forces, known, is_complete, before, self.switch_on, self.switch_off, self._has_thresholds
-            )
-        else:
-            neighbours = self.geometry.neighbours
-            touched, state = by_noise(
-                noise, signed, forces, known, is_complete, before, neighbours, self._streak, is_new
-            )
-        rows = touched.active.nonzero()[0]
-        footprint = self._footprint
-        if len(rows) != len(footprint.rows) or np.count_nonzero(rows != footprint.rows):
-            footprint = Footprint(self.geometry, self.ground, rows)
-        stuck, saturated = (
-            self._readings.stuck(unchanged, time, self._clock.period),
-            self._readings.saturated(intensities),
+        sets = self._touched(signals, is_new)
+        footprint = self._footprint = self._footprint.of(sets.active)
+        stuck, saturated, faults = self._faults.of(
+            raw, unchanged, signals, sets.active, noise, time, self._clock.period
         )
-        if np.count_nonzero(stuck):
-            stuck = stuck & touched.active
-            flags |= {"stuck"} if np.count_nonzero(stuck) else frozenset()
-        if np.count_nonzero(saturated):
-            saturated = saturated & known
-            flags |= {"saturated"} if np.count_nonzero(saturated) else frozenset()
+        flags |= faults
         if noise is None and not self._has_thresholds:
             flags |= {"noise_unknown"}
-        if noise is not None:
-            if noise.has_dead:
-                flags |= {"dead"}
-            if self._readings.drift.is_reported:
-                flags |= {"drift"}
-            if not is_new and self._readings.is_frozen(time, self._clock.period):
-                flags |= {"frozen"}
-        if self._readings.below_rest(intensities, signed, known, time):
-            flags |= {"below_rest"}
-        if self._readings.byte_order.is_wrong(raw, time):
-            flags |= {"byte_order"}
-        if fresh:
-            self._identities.forget()
-            self._readings.drift.drop_block()
+        if self._readings.drift.is_reported:
+            flags |= {"drift"}
         terms = self._terms if self.ground is None or not footprint.is_full else self.ground.full_contact
-        contacts = contacts_of(footprint, forces, self._identities.follow(footprint), terms)
-        pushes = touched.pushes
-        sums = terms.sums.dot(pushes)
-        self._clock.accept(time)
-        self._readings.accept(raw, unchanged, time)
-        self._readings.follow(raw, is_complete, time)
-        self._active, self._footprint = state, footprint
-        if self._rest is not None and is_complete:
-            self._learn(raw, time, fresh or "byte_order" in flags)
-        deviations = None if noise is None else partial(self._readings.deviations, intensities)
-        return Frame(
-            time, forces, known, saturated, stuck, contacts, sums[:6], flags, None, footprint, touched, noise, terms,
-            pushes, sums, deviations, modalities,
+        sums = terms.sums.dot(sets.pushes)
+        contacts = contacts_of(footprint, signals.forces, self._identities.follow(footprint), terms)
+        sigmas = None if noise is None else partial(force_sigmas, self._readings.responses, signals.shifted, noise)
+        frame = Frame(
+            time, signals.forces, signals.known, saturated, stuck, contacts, sums[:6], flags, None, footprint, sets,
+            noise, terms, sets.pushes, sums, sigmas, modalities,
         )  # fmt: skip
+        self._clock.accept(time)
+        self._faults.accept(raw, unchanged, time)
+        self._readings.follow(raw, signals.is_complete, time)
+        if self._rest is not None and signals.is_complete:
+            self._learn(self._rest, raw, frame)
+        return frame
+
+    def _forget(self) -> None:
+        """Forget the frames before: they say nothing about the next one."""
+        self._streak, self._active = Streak(len(self.ids)), np.zeros(len(self.ids), bool)
+        self._identities.forget()
+        self._readings.drift.drop_block()
+
+    def _evidence(self, signed: Array | None, forces: Array, known: BoolArray) -> Evidence:
+        """Return what readings (..., n) show by themselves: compared with the noise, or with thresholds."""
+        noise = self.noise
+        if noise is None or signed is None or self._has_thresholds:
+            return by_thresholds(forces, known, self.switch_on, self.switch_off)
+        return by_noise(noise, self.geometry.neighbours, signed, forces, known)
+
+    def _touched(self, signals: Signals, is_new: bool) -> Touched:
+        """Return what is touched in the next frame; ``is_new`` is whether a reading has changed."""
+        evidence = self._evidence(signals.signed, signals.forces, signals.known)
+        self._active = switched(evidence.on, evidence.stays, self._active)
+        known = None if signals.is_complete else signals.known
+        active = self._active if known is None else self._active & known
+        if evidence.lasting is None:
+            return touched_by_load(active, signals.forces, known, self._has_thresholds)
+        return touched_by_noise(evidence, active, self._streak.add(evidence.lasting, is_new))
 
     def batch(self, readings: Any, times: Any = None) -> Batch:
         """Return the results of many readings at once, without a change of the skin.
@@ -425,28 +430,24 @@ class Skin:
         times = None if times is None else np.asarray(times, float)
         if times is not None and times.shape != rows.shape[:1]:
             raise ValueError(f"times of shape {times.shape} for {len(rows)} readings; pass one time for each")
-        decides_noise = self.noise is not None and not self._has_thresholds
-        thresholds = None if decides_noise else (self.switch_on, self.switch_off)
-        batch = Processor(self._readings, self.geometry, self.ground, thresholds, self._terms).batch(rows, times)
+        batch = Processor(self._readings, self.geometry, self.ground, self._evidence, self._terms).batch(rows, times)
         return replace(batch, modalities=modalities)
 
-    def _learn(self, intensities: Array, time: float, fresh: bool) -> None:
-        """Learn baseline and noise from the first quiet frames."""
-        assert self._rest is not None
-        if fresh or not math.isfinite(time):
-            self._rest.clear()
+    def _learn(self, rest: Rest, raw: Array, frame: Frame) -> None:
+        """Learn baseline and noise from the first quiet frames, of which this is one."""
+        if not (frame.flags.isdisjoint(NOT_AT_REST) and math.isfinite(frame.time)):
+            rest.clear()
             return
-        rows = self._rest.add(intensities, time)
+        rows = rest.add(raw, frame.time)
         if rows is None:
             return
-        if not self._readings.rests(rows):
-            if self.noise is None:
-                self._rest.clear()
-            else:
-                self._rest = None
-            return
-        self._readings.learn(rows, self._readings.is_whole)
-        if self._rest.is_complete:
+        if is_rest(rows, self._readings.responses.rest, self._readings.is_whole):
+            self._faults.byte_order.learn(rows)
+            self._readings.learn(rows, self._readings.is_whole)
+            self._rest = None if rest.is_complete else rest
+        elif self.noise is None:
+            rest.clear()
+        else:  # a contact ends the rest; the noise of its first frames stays
             self._rest = None
 
     def _unknown(

@@ -1,11 +1,29 @@
-"""Decide which taxels are touched: surely, possibly, and in the estimate between; by the noise, or by thresholds."""
+"""Decide which taxels are touched: surely, possibly, and in the estimate between; by the noise, or by thresholds.
+
+:meth:`.Skin.update` has one reading (n,), :meth:`.Skin.batch` many (T, n). Both call the same functions, which take
+arrays (..., n). First comes the evidence of a reading alone, then the state of the taxels before it.
+"""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, IntArray, lock
+from ..common.arrays import Array, BoolArray, IntArray, lock, some
 from .noise import Noise
+
+
+class Evidence(NamedTuple):
+    """What readings show by themselves. Thresholds give the first two only: then the active taxels are in the sums."""
+
+    on: BoolArray  # (..., n) whether a taxel becomes active
+    stays: BoolArray  # (..., n) whether an active taxel stays active; a taxel without a force keeps its state
+    sure: BoolArray | None = None  # (..., n) whether it is surely touched
+    lasting: BoolArray | None = None  # (..., n) whether it is surely touched if so in three new frames
+    possible: BoolArray | None = None  # (..., n) whether it is possibly touched; every taxel without a force is
+    weights: Array | None = None  # (..., n) of its force in the sums
+    pushes: Array | None = None  # (..., n) its part of the sums [N]; of free taxels zero on average
+    has_load: BoolArray | None = None  # (...) whether something is touched, or the sum of all taxels is a load
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,68 +55,88 @@ class Streak:
         return first & second & third
 
 
-def by_thresholds(
-    forces: Array, known: BoolArray, is_complete: bool, before: BoolArray, on: float, off: float, is_sure: bool
-) -> tuple[Touched, BoolArray]:
-    """Return what is touched by two thresholds, and the state of the next frame."""
-    state = (forces >= on) | (before & (forces >= off))
-    if is_complete:
-        active = possible = state
-    else:
-        active = state & known
-        state = np.where(known, active, before)
-        possible = active | ~known if np.count_nonzero(active) else active
-    weights = active.astype(float)
-    return Touched(active, active if is_sure else None, possible, weights, weights * forces, None), state
+def by_thresholds(forces: Array, known: BoolArray, switch_on: float, switch_off: float) -> Evidence:
+    """Return the evidence of forces (..., n) [N], 0 where they are not known: a load decides."""
+    on, stays = forces >= switch_on, forces >= switch_off
+    if np.count_nonzero(known) < known.size:
+        stays |= ~known
+    return Evidence(on, stays)
 
 
-def by_noise(
-    noise: Noise,
-    signed: Array,
-    forces: Array,
-    known: BoolArray,
-    is_complete: bool,
-    before: BoolArray,
-    neighbours: IntArray,
-    streak: Streak,
-    is_new: bool,
-) -> tuple[Touched, BoolArray]:
-    """Return what is touched according to the noise at rest, and the state of the next frame."""
+def by_noise(noise: Noise, neighbours: IntArray, signed: Array, forces: Array, known: BoolArray) -> Evidence:
+    """Return the evidence of signed readings (..., n), with their forces [N], against the noise at rest."""
+    is_complete = np.count_nonzero(known) == known.size
     if not is_complete:
         signed = np.where(known, signed, noise.free)  # as without contact, for the sums
-    above = signed > noise.levels
+    above = signed > (noise.levels if signed.ndim == 1 else noise.levels[:, None])
     above[:4] &= forces > 0
-    if not is_complete:
-        above[4] |= ~known
     sure, pair, release, lasting, possible = above
-    lasts = streak.add(lasting, is_new)
-    rows = (pair > sure).nonzero()[0]
-    if len(rows):
-        padded = np.zeros(len(pair) + 1, bool)
-        padded[:-1] = pair
-        rows = rows[np.logical_or.reduce(padded[neighbours.take(rows, axis=1)], axis=0)]
+    on = _with_pairs(sure, pair, neighbours)
     excess = noise.excess(signed)
-    if excess <= noise.load_level and not len(rows) and not np.count_nonzero(sure):
-        nothing = np.zeros(len(known), bool)
-        state = nothing if is_complete else before & ~known
-        zeros = nothing.astype(float)
-        return Touched(nothing, nothing, nothing, zeros, zeros, False), state
-    state = active = sure | (before & release)
-    active[rows] = True
-    if not is_complete:
-        active = active & known
-        state = np.where(known, active, before)
+    has_load = on.any(axis=-1) | (excess > noise.load_level)
+    if not some(has_load):
+        nothing, zeros = np.zeros(signed.shape, bool), np.zeros(signed.shape)
+        return Evidence(nothing, nothing if is_complete else ~known, nothing, lasting, nothing, zeros, zeros, has_load)
     weights, pushes = noise.pushes(signed, forces, excess)
+    is_free = ~has_load
+    if some(is_free):
+        for values in (sure, release, possible, weights, pushes):
+            values[is_free] = 0
     if not is_complete:
+        release |= ~known
+        possible |= ~known
         pushes[~known] = 0.0
-    return Touched(active, sure | lasts, possible | lasts | active, weights, pushes, True), state
+    return Evidence(on, release, sure, lasting, possible, weights, pushes, has_load)
 
 
-def has_neighbour(which: BoolArray, neighbours: IntArray) -> BoolArray:
-    """Return whether a neighbour of each taxel is one of some, in many frames, (T, n)."""
-    columns = np.zeros((which.shape[1] + 1, len(which)), bool)  # whole rows of memory for each taxel
-    columns[:-1] = which.T
-    found = np.zeros((which.shape[1], len(which)), bool)
-    for row in neighbours:
-        found |= columns[row]
-    return found.T
+def _with_pairs(sure: BoolArray, pair: BoolArray, neighbours: IntArray) -> BoolArray:
+    """Return the taxels (..., n) that are sure, and those above the level of pairs that have a neighbour above it."""
+    unsure = (pair > sure).nonzero()
+    *frames, taxels = unsure
+    if not len(taxels):
+        return sure
+    padded = np.zeros((*pair.shape[:-1], pair.shape[-1] + 1), bool)  # the last one stands for no neighbour
+    padded[..., :-1] = pair
+    on = sure.copy()
+    on[unsure] = np.logical_or.reduce(padded[(*frames, neighbours.take(taxels, axis=1))], axis=0)
+    return on
+
+
+def switched(on: BoolArray, stays: BoolArray, before: BoolArray) -> BoolArray:
+    """Return which taxels (..., n) are active after a frame."""
+    return on | (before & stays)
+
+
+def states(on: BoolArray, stays: BoolArray, before: BoolArray) -> BoolArray:
+    """Return which taxels (T, n) are active after each of many frames in a row.
+
+    Two frames switch as one does that has ``switched(on, stays, on of the first)`` and ``stays & stays of the first``.
+    Each round joins twice as many.
+    """
+    on, stays = on.copy(), stays.copy()
+    on[0] = switched(on[0], stays[0], before)
+    step = 1
+    while step < len(on):
+        on[step:] = switched(on[step:], stays[step:], on[:-step])
+        stays[step:] &= stays[:-step]
+        step *= 2
+    return on
+
+
+def touched_by_load(active: BoolArray, forces: Array, known: BoolArray | None, is_sure: bool) -> Touched:
+    """Return what is touched in one frame, by thresholds.
+
+    ``known`` is None if all forces are known; ``is_sure`` is whether a force above the threshold is surely a contact.
+    """
+    possible = active if known is None or not np.count_nonzero(active) else active | ~known
+    weights = active.astype(float)
+    return Touched(active, active if is_sure else None, possible, weights, weights * forces, None)
+
+
+def touched_by_noise(evidence: Evidence, active: BoolArray, lasts: BoolArray) -> Touched:
+    """Return what is touched in one frame; ``lasts`` has the taxels above ``lasting`` in three frames."""
+    _, _, sure, _, possible, weights, pushes, has_load = evidence
+    assert sure is not None and possible is not None and weights is not None and pushes is not None
+    if not has_load:
+        return Touched(active, active, active, weights, pushes, False)  # no taxel is active
+    return Touched(active, sure | lasts, possible | lasts | active, weights, pushes, True)

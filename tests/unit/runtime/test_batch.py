@@ -12,6 +12,7 @@ from skin_calib_addon.runtime import Skin
 from skin_calib_addon.runtime import batch as batch_module
 from skin_calib_addon.runtime.components import component_counts
 from skin_calib_addon.runtime.geometry import neighbour_table
+from skin_calib_addon.runtime.touched import states, switched
 from tests.examples import slow
 from tests.oracles import components as flood_fill
 from tests.samples import cylinder, plane, small_calibration
@@ -156,6 +157,16 @@ def test_hysteresis_needs_times():
     readings[:, 5] = 3.0, 1.5, 0.5, 1.5
     assert_array_equal(skin.batch(readings, np.arange(4.0)).contact_counts, (1, 1, 0, 0))
     assert_array_equal(skin.batch(readings).contact_counts, (1, 0, 0, 0))
+
+
+def test_states_of_many_frames_are_those_of_one_after_another():
+    """Any taxels that switch on, stay or switch off, from any state before."""
+    rng = np.random.default_rng(2)
+    for count in (1, 2, 3, 16, 37):
+        on, stays = rng.random((count, 50)) < 0.2, rng.random((count, 50)) < 0.7
+        state = before = rng.random(50) < 0.5
+        expected = [state := switched(*row, state) for row in zip(on, stays)]
+        assert_array_equal(states(on, stays, before), expected)
 
 
 def test_counts_equal_a_flood_fill():

@@ -15,6 +15,7 @@ from skin_calib_addon.runtime.byte_order import ByteOrder
 from skin_calib_addon.runtime.clock import Clock
 from skin_calib_addon.runtime.plane import ground_of
 from skin_calib_addon.runtime.poses import checked_pose
+from skin_calib_addon.runtime.rest import is_rest
 from tests.samples import plane, small_calibration
 from tests.soles import skin_of, sole_patch
 
@@ -37,7 +38,7 @@ def at_rest(correlation=0.0):
 
 def rests(rows):
     """Whether the skin learns its noise from these readings by itself."""
-    return sole()._readings.rests(rows)
+    return is_rest(rows, np.zeros(N), False)
 
 
 @pytest.mark.parametrize("sigmas, is_rest", [(2.5, True), (4.5, False)])

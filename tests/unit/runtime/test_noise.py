@@ -9,7 +9,8 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration import Response, ResponseTable
 from skin_calib_addon.runtime import Skin, convex_hull
-from skin_calib_addon.runtime.noise import Rest, hidden_weight, joint_quantile, student
+from skin_calib_addon.runtime.noise import hidden_weight, joint_quantile, student
+from skin_calib_addon.runtime.rest import Rest
 from tests.samples import plane, sheet, small_calibration
 from tests.soles import sole_patch
 
@@ -153,6 +154,16 @@ def test_large_limits_of_a_load_are_readable():
     skin.tare(read(rng, FREE, 100.0, 250, 500.0))
     reason = skin.update(read(rng, FREE, 0.0, 1, 500.0)[0], 0.0).reason
     assert reason is not None and "which hides loads up to" in reason and "e+" not in reason
+
+
+def test_deviations_of_a_frame_are_those_of_its_noise():
+    """They are computed when they are first used, also after a tare with other readings at rest."""
+    rng = np.random.default_rng(4)
+    early, late = rested(np.random.default_rng(1)), rested(np.random.default_rng(1))
+    reading = read(rng, half_pressed(rng)[0])[0]
+    expected, frame = early.update(reading, 0.0).force_sigmas, late.update(reading, 0.0)
+    late.tare(read(rng, FREE, 20.0, 250, 8.0))
+    assert_allclose(frame.force_sigmas, expected, rtol=0)
 
 
 def test_foot_above_the_limit_of_its_sum_stands():

@@ -1,0 +1,105 @@
+"""Decide from which readings a skin may learn its noise by itself: those of the first quiet frames."""
+
+import numpy as np
+
+from ..common.arrays import Array
+from .at_rest import MIN_FRAMES
+
+# [reading] A larger reading is left out of the baseline: the sum of several would overflow. Derived: from the range
+# of double-precision numbers.
+MAX_READING = 1e100
+# [standard deviations] Mean of a taxel from which on a skin is not at rest before the first tare. Larger: sensors
+# with an offset learn their noise by themselves, and a weak contact at the start may count as rest.
+MAX_QUIET_MEAN = 3.0
+# [standard deviations of a mean] Difference of two halves of a rest from which on it is none. Larger: slow contacts at
+# the start count as rest; smaller: a rest is refused by chance.
+MAX_QUIET_SHIFT = 4.0
+# [standard deviations] Largest deviation of a reading from the median at rest. Larger: taps at the start count as rest;
+# smaller: noise with rare large values is not learned without a tare.
+MAX_QUIET_PEAK = 6.0
+# [1] Mean square of the differences of successive readings at rest, relative to that of independent readings; also of
+# one taxel, relative to the median. Larger: correlated noise is not learned without a tare; smaller: slow contacts at
+# the start count as rest.
+MIN_QUIET_CHANGE = 0.25
+# [reading] Standard deviation of a taxel that never changes, in the division by it. Derived: from double precision.
+MIN_SPREAD = 1e-12
+# [s] Shortest rest before a tare from which noise is learned. Larger: the skin is without statements for longer.
+MIN_REST = 0.5
+# [s] Shortest period of the frames that are stored for it. Larger: fewer frames of a fast skin are stored.
+REST_PERIOD = 0.0035
+# [frames] Number of stored frames that ends the rest. Larger: better estimates, later.
+MAX_FRAMES = 250
+
+
+class Rest:
+    """Keep the first frames of a skin, until they show that the skin is free, and how its readings scatter."""
+
+    def __init__(self) -> None:
+        self._rows: list[Array] = []
+        self._times: list[float] = []
+        self._next = MIN_FRAMES
+
+    def add(self, raw: Array, time: float) -> Array | None:
+        """Store the readings (n,) of a frame; return all stored ones (frames, n) when it is time to look at them."""
+        if self._times and time - self._times[-1] < REST_PERIOD:
+            return None
+        self._rows.append(raw)
+        self._times.append(time)
+        if len(self._rows) < self._next or time - self._times[0] < MIN_REST:
+            return None
+        self._next = min(2 * len(self._rows), MAX_FRAMES) if len(self._rows) < MAX_FRAMES else MAX_FRAMES + 1
+        return np.array(self._rows)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether enough frames are stored."""
+        return len(self._rows) >= MAX_FRAMES
+
+    def clear(self) -> None:
+        """Drop all frames: the skin was not free."""
+        self._rows, self._times, self._next = [], [], MIN_FRAMES
+
+
+def is_rest(rows: Array, without_force: Array, is_whole: bool) -> bool:
+    """Return whether readings (frames, n) are those of a skin without contact, as far as they can show it.
+
+    The mean of each taxel is near its reading without force (n,), and the same in both halves. No reading is far from
+    the others, as in a tap. Successive readings differ as noise does, not as in a slow push.
+    """
+    if not (np.abs(rows) < MAX_READING).all():
+        return False
+    floor = 1.0 if is_whole else MIN_SPREAD
+    steps, variance = np.diff(rows, axis=0), rows.var(axis=0, ddof=1)
+    changes = (steps**2).mean(axis=0) / (2 * np.maximum(variance, MIN_SPREAD))
+    # 1 less the correlation of successive readings; independent ones give less by chance
+    change = min(float(np.median(changes)) * (1 + 2 / len(rows) ** 0.5), 1.0)
+    is_noise = (variance <= floor**2) | ((changes >= MIN_QUIET_CHANGE * change) & (change >= MIN_QUIET_CHANGE))
+    spread = np.maximum(np.sqrt(variance), np.abs(steps).max(axis=0) / 4)
+    is_near = np.abs(rows.mean(axis=0) - without_force) <= MAX_QUIET_MEAN * spread
+    return bool(
+        is_noise.all()
+        and is_near.all()
+        and _has_no_peak(rows, floor)
+        and _is_steady(rows, np.maximum(spread, MIN_SPREAD), change)
+    )
+
+
+def _has_no_peak(rows: Array, floor: float) -> bool:
+    """Return whether no reading is far from the median of its taxel, in standard deviations of at least ``floor``."""
+    # of the middle two thirds, which a short contact does not change
+    low, middle, high = np.quantile(rows, (0.16, 0.5, 0.84), axis=0)
+    sigma = np.maximum(np.maximum(high - middle, middle - low), floor)
+    sigma = np.maximum(sigma, np.median(sigma))  # of few frames, the estimate of one taxel can be small by chance
+    return bool((np.abs(rows - middle).max(axis=0) <= MAX_QUIET_PEAK * sigma).all())
+
+
+def _is_steady(rows: Array, spread: Array, change: float) -> bool:
+    """Return whether each taxel, and all together, have the same mean in both halves.
+
+    ``change`` is 1 less the correlation of successive readings, of which the deviation of a mean depends.
+    """
+    half = len(rows) // 2
+    shifts = (rows[half:].mean(axis=0) - rows[:half].mean(axis=0)) / spread
+    total = shifts.sum() / max(len(shifts), 1) ** 0.5  # many taxels that change together, each by little
+    of_mean = ((2 - change) / max(change, MIN_QUIET_CHANGE) / half) ** 0.5  # standard deviation, correlated
+    return bool((np.abs(np.append(shifts, total)) <= MAX_QUIET_SHIFT * 2**0.5 * of_mean).all())
