@@ -29,7 +29,7 @@ class SKIN_OT_taxel(OnResult, bpy.types.Operator):
         return {"FINISHED"}
 
     def invoke(self, context, event):
-        self.link, self.taxel = context.object.name, ""
+        self.uid, self.taxel = context.object.session_uid, ""
         context.window.cursor_modal_set("EYEDROPPER")
         context.workspace.status_text_set("Click on taxels to read them    Esc, Return: end")
         context.window_manager.modal_handler_add(self)
@@ -38,7 +38,7 @@ class SKIN_OT_taxel(OnResult, bpy.types.Operator):
     def modal(self, context, event):
         if event.type in NAVIGATION or event.type.startswith(("NUMPAD_", "NDOF_")) and event.type != "NUMPAD_ENTER":
             return {"PASS_THROUGH"}
-        is_over = context.object is None or context.object.name != self.link or not self.poll(context)
+        is_over = context.object is None or context.object.session_uid != self.uid or not self.poll(context)
         if is_over or event.type in {"ESC", "RIGHTMOUSE", "RET", "NUMPAD_ENTER"}:
             self.end(context)
             return {"FINISHED"} if self.taxel else {"CANCELLED"}

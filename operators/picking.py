@@ -55,7 +55,7 @@ class Picking:
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.link, self.picked = context.object.name, []
+        self.uid, self.picked = context.object.session_uid, []
         if self.at_mouse:
             return self.use_mouse(context, event)
         self.begin(context)
@@ -68,7 +68,7 @@ class Picking:
         """Use the point under the mouse, without further clicks."""
         point = self.under_mouse(context, event)
         if point is None:
-            self.report({"WARNING"}, f"{self.what or self.link} is not under the mouse: click on it")
+            self.report({"WARNING"}, f"{self.what or context.object.name} is not under the mouse: click on it")
             return {"CANCELLED"}
         self.take([point])
         return self.execute(context)
@@ -82,7 +82,7 @@ class Picking:
             return {"PASS_THROUGH"}
         if self.repeats and event.type == "Z" and (event.ctrl or event.oskey):
             return {"PASS_THROUGH"}  # Blender undoes or redoes the last click
-        is_over = context.object is None or context.object.name != self.link
+        is_over = context.object is None or context.object.session_uid != self.uid
         if is_over or event.type in {"ESC", "RIGHTMOUSE"} or self.repeats and event.type in {"RET", "NUMPAD_ENTER"}:
             self.end(context)
             return {"CANCELLED"}  # each click has its own undo step
@@ -94,7 +94,8 @@ class Picking:
         """Use the point under the mouse; after the last one, execute."""
         point = self.under_mouse(context, event)
         if point is None:
-            self.report({"WARNING"}, f"{self.what or self.link} is not under the mouse: click on it, or press Esc")
+            what = self.what or context.object.name
+            self.report({"WARNING"}, f"{what} is not under the mouse: click on it, or press Esc")
             return {"RUNNING_MODAL"}
         self.picked.append(point)
         if len(self.picked) < len(self.prompts):

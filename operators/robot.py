@@ -12,6 +12,7 @@ from ..skin_calib_addon.blender.scene import link_objects, plans, results, robot
 from ..skin_calib_addon.blender.scene.preferences import preferences
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import refusal_of
+from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.atomic_file import make_folder
 from ..skin_calib_addon.common.errors import InvalidMesh, InvalidPlan, OutputError, SkinCalibError, counted, listed
 from ..skin_calib_addon.common.findings import printable
@@ -141,7 +142,7 @@ class Propose(OverLinks):
         settings.proposed = proposal.taxels
         settings.proposed_area = f"{proposal.cells * 1e4:.0f} of {proposal.free * 1e4:.0f} cm^2"
         settings.result.key = ""  # a fit of an earlier plan is not drawn
-        updates.forget(link.name)
+        session.of(link).forget()
         if isinstance(fit, SkinCalibError):
             updates.refuse(link, refusal_of(fit))
             self.report({"WARNING"}, f"{link.name}: the fit of the proposal is refused. {skins.in_window(fit)}")
@@ -222,7 +223,7 @@ def links_to_write(context):
     """Return the links with a current fit, and those whose fit is refused, which are all others that have a plan."""
     planned = robots.compared_links(context)
     fitted = [link for link in planned if robots.fit_of(link) is not None]
-    refused = [link for link in planned if link not in fitted and updates.is_refused(link)]
+    refused = [link for link in planned if link not in fitted and session.of(link).is_refused]
     waiting = [link.name for link in planned if link not in fitted and link not in refused]
     if waiting:
         raise OutputError(f"{listed(waiting)}: not fitted since the last change. Press Fit All first.")

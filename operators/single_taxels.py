@@ -28,7 +28,7 @@ class OneTaxel(OnResult, Edit):
         updates.accompany(context.object)
         done = super().execute(context)
         if not self.is_waiting:
-            updates.leave(context.object.name)
+            updates.leave(context.object.session_uid)
         return done
 
     def single(self, context, plan, taxel):
@@ -67,7 +67,7 @@ class SKIN_OT_taxel_toggle(Picking, OneTaxel, bpy.types.Operator):
 
     def end(self, context):
         super().end(context)
-        updates.leave(self.link)
+        updates.leave(self.uid)
 
     def under_mouse(self, context, event):
         return taxel_under(context, event.mouse_x, event.mouse_y)

@@ -43,7 +43,7 @@ ORDER = {
     "geometry": ("mesh", "surface", "sampling", "grid", "fit"),
     "skin": ("sheet", "boards"),
     "runtime": ("balance",),
-    "blender": ("scene", "overlay", "live", "inspection", "handles", "properties"),
+    "blender": ("scene", "overlay", "inspection", "live", "handles", "properties"),
 }
 LIBRARIES = {
     "geometry": {"numpy", "scipy", "trimesh", "collada", "threadpoolctl"},
