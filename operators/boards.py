@@ -57,9 +57,6 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
         updates.leave(self.uid)
         return done
 
-    def take(self, points):
-        (self.point,) = points
-
     def boards(self, context):
         """Return the skin and its boards of the last fit."""
         plan = context.object.skin_calib

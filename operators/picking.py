@@ -26,7 +26,33 @@ class AtCursor:
         return self.point
 
 
-class Picking:
+def is_navigation(event):
+    """Return whether an event only moves the view."""
+    is_number = event.type.startswith(("NUMPAD_", "NDOF_")) and event.type != "NUMPAD_ENTER"
+    return event.type in NAVIGATION or is_number
+
+
+class Clicks:
+    """Waits for clicks, with an eyedropper as the cursor."""
+
+    def wait(self, context, words):
+        """Wait, with some words in the status bar."""
+        context.window.cursor_modal_set("EYEDROPPER")
+        context.workspace.status_text_set(words)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def cancel(self, context):
+        """End because Blender opens a file, or quits."""
+        self.end(context)
+
+    def end(self, context):
+        """Restore the cursor and the status bar."""
+        context.window.cursor_modal_restore()
+        context.workspace.status_text_set(None)
+
+
+class Picking(Clicks):
     """An operator that asks for a click on the active link for each prompt, and then executes."""
 
     prompts = ()  # text of the status bar before each click
@@ -45,8 +71,8 @@ class Picking:
         """Prepare for clicks, which are possible now."""
 
     def take(self, points):
-        """Set the operator's properties from what was picked."""
-        raise NotImplementedError
+        """Set the operator's properties from what was picked: one point, unless an operator has more."""
+        (self.point,) = points
 
     def invoke(self, context, event):
         try:
@@ -59,10 +85,7 @@ class Picking:
         if self.at_mouse:
             return self.use_mouse(context, event)
         self.begin(context)
-        context.window.cursor_modal_set("EYEDROPPER")
-        context.workspace.status_text_set(self.prompts[0])
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+        return self.wait(context, self.prompts[0])
 
     def use_mouse(self, context, event):
         """Use the point under the mouse, without further clicks."""
@@ -78,7 +101,7 @@ class Picking:
         return point_under(context, event.mouse_x, event.mouse_y)
 
     def modal(self, context, event):
-        if event.type in NAVIGATION or event.type.startswith(("NUMPAD_", "NDOF_")) and event.type != "NUMPAD_ENTER":
+        if is_navigation(event):
             return {"PASS_THROUGH"}
         if self.repeats and event.type == "Z" and (event.ctrl or event.oskey):
             return {"PASS_THROUGH"}  # Blender undoes or redoes the last click
@@ -109,12 +132,3 @@ class Picking:
         if self.execute(context) == {"FINISHED"}:
             bpy.ops.ed.undo_push(message=self.bl_label)
         return {"RUNNING_MODAL"}
-
-    def cancel(self, context):
-        """End because Blender opens a file, or quits."""
-        self.end(context)
-
-    def end(self, context):
-        """Restore the cursor and the status bar."""
-        context.window.cursor_modal_restore()
-        context.workspace.status_text_set(None)

@@ -25,7 +25,7 @@ from ..skin_calib_addon.robot.urdf import read_robot
 from .exchange import write_plan
 from .files import Import
 from .fit import fit_of, store_fit
-from .on_link import OnLink
+from .on_link import Available, OnLink, Refusing
 from .over_links import OverLinks
 from .working import WhileIdle
 
@@ -65,19 +65,12 @@ class SKIN_OT_import_robot(Import, bpy.types.Operator):
         return read
 
 
-class OnLinks:
+class OnLinks(Available):
     """Available if the scene has a link."""
 
     @classmethod
-    def poll(cls, context):
-        return cls.says("" if link_objects.links(context) else "Import a robot, or a link, first")
-
-    @classmethod
-    def says(cls, reason):
-        """Return whether there is no reason to refuse; Blender shows the reason at the button."""
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+    def why_not(cls, context):
+        return "" if link_objects.links(context) else "Import a robot, or a link, first"
 
 
 def propose_and_fit(task, channel, mesh, begin):
@@ -252,7 +245,7 @@ def write_folder(context, folder, links):
     return [path.name for path in sorted(folder.glob("*.calibration.json")) if path not in written]
 
 
-class SKIN_OT_export_robot(WhileIdle, OnLinks, bpy.types.Operator):
+class SKIN_OT_export_robot(Refusing, WhileIdle, OnLinks, bpy.types.Operator):
     """Write plans and calibrations of all fitted links to a folder, with robot.json, as the command line does"""
 
     bl_idname = "skin_calib.export_robot"
@@ -266,23 +259,18 @@ class SKIN_OT_export_robot(WhileIdle, OnLinks, bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def execute(self, context):
+    def act(self, context):
+        if not self.directory:
+            raise OutputError("Choose a folder for the files of the robot.")
         folder = Path(bpy.path.abspath(self.directory))
-        try:
-            if not self.directory:
-                raise OutputError("Choose a folder for the files of the robot.")
-            links, refused = links_to_write(context)
-            earlier = write_folder(context, folder, links)
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        links, refused = links_to_write(context)
+        earlier = write_folder(context, folder, links)
         self.report({"INFO"}, f"Wrote {counted(len(links), 'calibration')} and robot.json to {folder}")
         for link in refused:  # last, because the window shows what was reported last
             self.report({"WARNING"}, f"{link.name} is not written, because its fit is refused. Robot has the reason.")
         for name in earlier:
             stays = f"{name} is from an earlier export, and stays in robot.json"
             self.report({"WARNING"}, f"{stays}. Remove it from the folder, and export again.")
-        return {"FINISHED"}
 
 
 CLASSES = (

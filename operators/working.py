@@ -17,11 +17,9 @@ class WhileIdle:
     """Available while no other computation runs."""
 
     @classmethod
-    def poll(cls, context):
-        busy = session.busy
-        return super().poll(context) and cls.says(
-            f"Wait for the work on {busy.name}, or press Esc to stop it" if busy else ""
-        )
+    def why_not(cls, context):
+        busy = f"Wait for the work on {session.busy.name}, or press Esc to stop it" if session.busy else ""
+        return super().why_not(context) or busy
 
 
 class Waiting:

@@ -7,7 +7,7 @@ verified; if not, the result is outdated. What is unverified is not stored in th
 wrong.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -155,18 +155,35 @@ def touched(link: bpy.types.Object) -> None:
         events.wake(verify, CHECK_DELAY)
 
 
-@persistent
-def _updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Mark the objects whose mesh or position Blender has evaluated again; with another unit of the scene, all."""
+def _evaluated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Iterator[bpy.types.Object]:
+    """Yield the objects whose mesh or position Blender has evaluated again; with another unit of the scene, all."""
     metre = metres_per_unit(scene)
     if session.metres.get(scene.session_uid) != metre:
         session.metres[scene.session_uid] = metre
-        for link in scene.objects:
-            touched(link)
-            updates.touched(link)
+        yield from scene.objects
     for update in depsgraph.updates:
         if isinstance(update.id, bpy.types.Object) and (update.is_updated_geometry or update.is_updated_transform):
-            touched(update.id.original)
+            yield update.id.original
+
+
+@persistent
+def _updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Compare the meshes that may have changed."""
+    for link in _evaluated(scene, depsgraph):
+        touched(link)
+        updates.touched(link)
+
+
+@persistent
+def _frame_changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Compare the meshes of an animation, which updates objects without the other event, once it stands still.
+
+    Meshes of links with Live on are also read while frames are played.
+    """
+    for link in _evaluated(scene, depsgraph):
+        touched(link)
+        if link.skin_calib.live:
+            updates.touched(link)
 
 
 @persistent
@@ -179,7 +196,7 @@ def _scene_replaced(*_: Any) -> None:
 
 HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced) | {
     "depsgraph_update_post": _updated,
-    "frame_change_post": _updated,  # an animation updates objects without the other event
+    "frame_change_post": _frame_changed,
 }
 
 

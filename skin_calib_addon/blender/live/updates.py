@@ -331,31 +331,11 @@ def _scene_replaced(*_: Any) -> None:
             session.of(link).is_followed_once = _was_accompanied(link)
 
 
-@persistent
-def _updated(_scene: Any, depsgraph: bpy.types.Depsgraph) -> None:
-    """Remember objects whose mesh, modifiers or position may have changed."""
-    for update in depsgraph.updates:
-        is_other = update.is_updated_geometry or update.is_updated_transform
-        if is_other and isinstance(update.id, bpy.types.Object):
-            touched(update.id.original)
-
-
-@persistent
-def _frame_changed(_scene: Any, depsgraph: bpy.types.Depsgraph) -> None:
-    """Remember animated links with Live on; meshes of others are not read while frames are played."""
-    for update in depsgraph.updates:
-        if isinstance(update.id, bpy.types.Object) and update.id.original.skin_calib.live:
-            touched(update.id.original)
-
-
-HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced) | {
-    "depsgraph_update_post": _updated,
-    "frame_change_post": _frame_changed,
-}
+HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced)
 
 
 def register() -> None:
-    """Listen to undo, redo and changes of meshes."""
+    """Listen to undo, redo and files; :mod:`.diagnoses` listens to changes of meshes."""
     events.listen(HANDLERS)
 
 
