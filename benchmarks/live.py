@@ -74,7 +74,7 @@ def measure(live, link, case, changes, repeats=REPEATS):
             while live.tick() == live.POLL_INTERVAL:
                 pass
             cpu.append((time.process_time() - start) * 1e3)
-            report = live.reports[link.name]
+            report = live.session.of(link).report
             if report.refusal:
                 print(f"{case:16} {what:26} refused: {report.refusal.message}")
                 break

@@ -49,16 +49,13 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
 
     def end(self, context):
         super().end(context)
-        updates.leave(self.link)
+        updates.leave(self.uid)
 
     def use_mouse(self, context, event):
         self.begin(context)
         done = super().use_mouse(context, event)
-        updates.leave(self.link)
+        updates.leave(self.uid)
         return done
-
-    def take(self, points):
-        (self.point,) = points
 
     def boards(self, context):
         """Return the skin and its boards of the last fit."""

@@ -10,7 +10,7 @@ from ..skin_calib_addon.blender.scene.skins import entry
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.common.errors import InvalidMesh, SkinCalibError, counted
 from ..skin_calib_addon.geometry.grid.cut_planes import cut_normal
-from .lists import INDEX
+from .lists import INDEX, RemoveEntry
 from .on_link import Edit, OnMesh
 from .picking import NORMAL, AtCursor, Picking
 
@@ -57,9 +57,6 @@ class SKIN_OT_cut_place(Picking, AddCut, bpy.types.Operator):
 
     prompts = ("Click on the link to cut it there    Esc: no cut",)
 
-    def take(self, points):
-        (self.point,) = points
-
 
 class SKIN_OT_cut_flip(Edit, bpy.types.Operator):
     """Keep the other side of this cut"""
@@ -74,17 +71,19 @@ class SKIN_OT_cut_flip(Edit, bpy.types.Operator):
         cut.normal = [0.0 - x for x in cut.normal]  # no minus zero
 
 
-class SKIN_OT_cut_remove(Edit, bpy.types.Operator):
+class SKIN_OT_cut_remove(RemoveEntry, bpy.types.Operator):
     """Remove this cut from the active link"""
 
     bl_idname = "skin_calib.cut_remove"
     bl_label = "Remove Cut"
 
-    index: bpy.props.IntProperty(name="Index", description="Which cut, from 0", **INDEX)
+    what = "cut"
+
+    def entries(self, plan):
+        return plan.cover.cuts
 
     def edit(self, context, plan):
-        entry(plan.cover.cuts, self.index, "cut")
-        plan.cover.cuts.remove(self.index)
+        super().edit(context, plan)
         plan.cover.cut_index = max(
             0, min(plan.cover.cut_index - (self.index < plan.cover.cut_index), len(plan.cover.cuts) - 1)
         )
@@ -98,11 +97,9 @@ class SKIN_OT_cut_away(OnMesh, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
-        reason = link_objects.why_no_link(context, named=False) or link_objects.why_not_editable(context.object)
-        if not reason and context.mode != "EDIT_MESH":
-            reason = "Select faces in Edit Mode (Tab) first"
-        return cls.says(reason)
+    def why_not(cls, context):
+        reason = super().why_not(context) or link_objects.why_not_editable(context.object)
+        return reason or ("" if context.mode == "EDIT_MESH" else "Select faces in Edit Mode (Tab) first")
 
     def execute(self, context):
         link = context.object
@@ -127,11 +124,9 @@ class SKIN_OT_bring_back(OnMesh, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
-        reason = link_objects.why_no_link(context, named=False)
-        if not reason and cut_away.modifier_of(context.object) is None:
-            reason = "No face of this link was cut away by hand"
-        return cls.says(reason)
+    def why_not(cls, context):
+        reason = super().why_not(context)
+        return reason or ("" if cut_away.modifier_of(context.object) else "No face of this link was cut away by hand")
 
     def execute(self, context):
         link = context.object

@@ -12,32 +12,20 @@ class IntoView:
         return context.area is not None and context.area.type == "VIEW_3D"
 
 
-class SKIN_FH_mesh(IntoView, bpy.types.FileHandler):
-    bl_idname = "SKIN_FH_mesh"
-    bl_label = "Skin Link Mesh"
-    bl_import_operator = "skin_calib.import_mesh"
-    bl_file_extensions = ".stl;.ply;.obj;.off;.dae;.glb"
+# Name, label, operator and endings of each handler.
+HANDLERS = (
+    ("mesh", "Skin Link Mesh", "import_mesh", ".stl;.ply;.obj;.off;.dae;.glb"),
+    ("robot", "Robot", "import_robot", ".urdf"),
+    ("link", "Skin Link of a Robot", "import_urdf", ".urdf"),
+    ("plan", "Skin Plan", "import_plan", ".json"),
+)
 
 
-class SKIN_FH_robot(IntoView, bpy.types.FileHandler):
-    bl_idname = "SKIN_FH_robot"
-    bl_label = "Robot"
-    bl_import_operator = "skin_calib.import_robot"
-    bl_file_extensions = ".urdf"
+def handler(name, label, operator, endings):
+    """Return the class of a handler."""
+    words = {"bl_idname": f"SKIN_FH_{name}", "bl_label": label, "bl_file_extensions": endings}
+    words["bl_import_operator"] = f"skin_calib.{operator}"
+    return type(words["bl_idname"], (IntoView, bpy.types.FileHandler), words)
 
 
-class SKIN_FH_link(IntoView, bpy.types.FileHandler):
-    bl_idname = "SKIN_FH_link"
-    bl_label = "Skin Link of a Robot"
-    bl_import_operator = "skin_calib.import_urdf"
-    bl_file_extensions = ".urdf"
-
-
-class SKIN_FH_plan(IntoView, bpy.types.FileHandler):
-    bl_idname = "SKIN_FH_plan"
-    bl_label = "Skin Plan"
-    bl_import_operator = "skin_calib.import_plan"
-    bl_file_extensions = ".json"
-
-
-CLASSES = (SKIN_FH_mesh, SKIN_FH_robot, SKIN_FH_link, SKIN_FH_plan)
+CLASSES = tuple(handler(*words) for words in HANDLERS)

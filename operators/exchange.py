@@ -27,7 +27,7 @@ from ..skin_calib_addon.plan import load_plan, named_from, save_plan
 from ..skin_calib_addon.robot.link_mesh import is_urdf, load_plan_mesh
 from ..skin_calib_addon.robot.urdf import read_robot
 from .files import Import
-from .on_link import KeepsLink, OnLink
+from .on_link import KeepsLink, OnLink, Refusing
 from .working import WhileIdle
 
 
@@ -68,7 +68,7 @@ class SKIN_OT_import_plan(Import, bpy.types.Operator):
         return read
 
 
-class Export(ExportHelper):
+class Export(Refusing, ExportHelper):
     """Writes a file about the active link; the browser proposes the name of the link, in the last folder."""
 
     filename_ext = ".json"
@@ -79,18 +79,13 @@ class Export(ExportHelper):
         self.filepath = str(Path(self.filepath or bpy.data.filepath or Path.home() / name).with_name(name))
         return super().invoke(context, event)
 
-    def execute(self, context):
+    def act(self, context):
         path = Path(bpy.path.abspath(self.filepath))
-        try:
-            check_kept(context.object, context.scene, path)
-            warnings = self.write(context, path)
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        check_kept(context.object, context.scene, path)
+        warnings = self.write(context, path)
         self.report({"INFO"}, f"Wrote {path}")
         for warning in warnings:  # last, because the window shows what was reported last
             self.report({"WARNING"}, warning)
-        return {"FINISHED"}
 
 
 def check_kept(link, scene, path):

@@ -8,6 +8,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..skin_calib_addon.blender.live.background import Work
 from ..skin_calib_addon.common.errors import SkinCalibError
+from .on_link import Refusing
 from .working import MAX_BLOCKING_TIME, Waiting
 
 _reading: list[tuple] = []  # what SKIN_OT_import_wait waits for: name of the file, work, and what uses its result
@@ -88,19 +89,13 @@ class SKIN_OT_import_wait(Waiting, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class LooksAtFile(FromFile):
+class LooksAtFile(Refusing, FromFile):
     """Compares the active link with a file; ``look`` returns the result in one line."""
 
     bl_options = {"REGISTER", "UNDO"}
 
-    def execute(self, context):
-        try:
-            result = self.look(context, bpy.path.abspath(self.filepath))
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, result)
-        return {"FINISHED"}
+    def act(self, context):
+        self.report({"INFO"}, self.look(context, bpy.path.abspath(self.filepath)))
 
 
 CLASSES = (SKIN_OT_import_wait,)

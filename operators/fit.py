@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import bpy
 
-from ..skin_calib_addon.blender.inspection.taxels import read_again
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.overlay.layers import maximum_of
@@ -13,6 +12,7 @@ from ..skin_calib_addon.blender.properties.inspect import maximum_token
 from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans, results, skins
 from ..skin_calib_addon.blender.scene.showing import show_place
 from ..skin_calib_addon.blender.scene.warnings import refusal_of
+from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import SkinCalibError
 from .on_link import OnLink, OnResult
 from .working import Working
@@ -27,10 +27,8 @@ def fit_of(context, link):
 def store_fit(context, link, given, result):
     """Store and draw the fit of a link; it is outdated if plan or facets are no longer those that were given."""
     key, calibrated = result
-    drawing.prepare(key, calibrated)
-    updates.reports.pop(link.name, None)
-    results.write_result(link, context.scene, calibrated, key)
-    read_again(link, context.scene)
+    session.of(link).report = None
+    updates.store(link, context.scene, key, calibrated)
     link.skin_calib.result.outdated = not _is_unchanged(context, link, *given)
     drawing.redraw()
 

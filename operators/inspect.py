@@ -5,13 +5,12 @@ import bpy
 
 from ..skin_calib_addon.blender.handles.view import ray_under
 from ..skin_calib_addon.blender.inspection import comparing, replay, taxel_mesh, taxels
-from ..skin_calib_addon.common.errors import SkinCalibError
 from .files import LooksAtFile
-from .on_link import KeepsLink, OnLink, OnResult
-from .picking import NAVIGATION
+from .on_link import KeepsLink, OnLink, OnResult, Refusing
+from .picking import Clicks, is_navigation
 
 
-class SKIN_OT_taxel(OnResult, bpy.types.Operator):
+class SKIN_OT_taxel(Clicks, Refusing, OnResult, bpy.types.Operator):
     """Click on taxels to read their values; Esc or Return ends"""
 
     bl_idname = "skin_calib.taxel"
@@ -20,25 +19,17 @@ class SKIN_OT_taxel(OnResult, bpy.types.Operator):
 
     taxel: bpy.props.StringProperty(name="Taxel", description="Id or channel of the taxel")
 
-    def execute(self, context):
-        try:
-            self.taxel = taxels.read_taxel(context.object, self.taxel, context.scene)
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+    def act(self, context):
+        self.taxel = taxels.read_taxel(context.object, self.taxel, context.scene)
 
     def invoke(self, context, event):
-        self.link, self.taxel = context.object.name, ""
-        context.window.cursor_modal_set("EYEDROPPER")
-        context.workspace.status_text_set("Click on taxels to read them    Esc, Return: end")
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+        self.uid, self.taxel = context.object.session_uid, ""
+        return self.wait(context, "Click on taxels to read them    Esc, Return: end")
 
     def modal(self, context, event):
-        if event.type in NAVIGATION or event.type.startswith(("NUMPAD_", "NDOF_")) and event.type != "NUMPAD_ENTER":
+        if is_navigation(event):
             return {"PASS_THROUGH"}
-        is_over = context.object is None or context.object.name != self.link or not self.poll(context)
+        is_over = context.object is None or context.object.session_uid != self.uid or not self.poll(context)
         if is_over or event.type in {"ESC", "RIGHTMOUSE", "RET", "NUMPAD_ENTER"}:
             self.end(context)
             return {"FINISHED"} if self.taxel else {"CANCELLED"}
@@ -50,15 +41,6 @@ class SKIN_OT_taxel(OnResult, bpy.types.Operator):
                 self.taxel = found
                 self.execute(context)
         return {"RUNNING_MODAL"}
-
-    def cancel(self, context):
-        """End because Blender opens a file, or quits."""
-        self.end(context)
-
-    def end(self, context):
-        """Restore the cursor and the status bar."""
-        context.window.cursor_modal_restore()
-        context.workspace.status_text_set(None)
 
 
 def taxel_under(context, x, y):
@@ -102,10 +84,9 @@ class SKIN_OT_compare_end(OnLink, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
-        return super().poll(context) and cls.says(
-            "" if context.object.skin_calib.inspect.comparison.file else "Compare with a file first"
-        )
+    def why_not(cls, context):
+        reason = super().why_not(context)
+        return reason or ("" if context.object.skin_calib.inspect.comparison.file else "Compare with a file first")
 
     def execute(self, context):
         context.object.skin_calib.inspect.property_unset("comparison")
@@ -130,10 +111,9 @@ class OnRecording(OnLink):
     """Works on the active link while it shows a recording."""
 
     @classmethod
-    def poll(cls, context):
-        return super().poll(context) and cls.says(
-            "" if context.object.skin_calib.inspect.replay.file else "Open a recording first"
-        )
+    def why_not(cls, context):
+        reason = super().why_not(context)
+        return reason or ("" if context.object.skin_calib.inspect.replay.file else "Open a recording first")
 
 
 class SKIN_OT_replay_close(OnRecording, bpy.types.Operator):
@@ -157,10 +137,10 @@ class SKIN_OT_replay_play(OnRecording, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     @classmethod
-    def poll(cls, context):
-        return super().poll(context) and cls.says(
-            "" if replay.find(context.object) else "Open the recording again: the fit or the file has changed"
-        )
+    def why_not(cls, context):
+        if reason := super().why_not(context):
+            return reason
+        return "" if replay.find(context.object) else "Open the recording again: the fit or the file has changed"
 
     def execute(self, context):
         if replay.is_playing(context.object):

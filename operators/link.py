@@ -195,8 +195,8 @@ class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
-        return cls.says(link_objects.why_no_link(context, named=False) or link_objects.why_not_editable(context.object))
+    def why_not(cls, context):
+        return super().why_not(context) or link_objects.why_not_editable(context.object)
 
     def execute(self, context):
         link = context.object

@@ -25,6 +25,23 @@ class OnSkin:
         return of_kind(entry(plan.skins, self.skin, "skin"), kind, what)
 
 
+class RemoveEntry(Edit):
+    """Removes one entry of a list of the plan."""
+
+    index: bpy.props.IntProperty(name="Index", description="Which entry, from 0", **INDEX)
+
+    what = ""  # an entry in words
+
+    def entries(self, plan):
+        """Return the list."""
+        raise NotImplementedError
+
+    def edit(self, context, plan):
+        entries = self.entries(plan)
+        entry(entries, self.index, self.what)
+        entries.remove(self.index)
+
+
 class SKIN_OT_skin_add(Edit, bpy.types.Operator):
     """Add a skin to the active link: a sheet of taxels, or hexagonal boards"""
 
@@ -50,17 +67,16 @@ class SKIN_OT_skin_add(Edit, bpy.types.Operator):
             skins.turn_along_lines(skin, next(iter(result.fits.values())).surface)  # a new skin is on the first one
 
 
-class SKIN_OT_skin_remove(Edit, bpy.types.Operator):
+class SKIN_OT_skin_remove(RemoveEntry, bpy.types.Operator):
     """Remove this skin from the active link"""
 
     bl_idname = "skin_calib.skin_remove"
     bl_label = "Remove Skin"
 
-    index: bpy.props.IntProperty(name="Index", description="Which skin, from 0", **INDEX)
+    what = "skin"
 
-    def edit(self, context, plan):
-        entry(plan.skins, self.index, "skin")
-        plan.skins.remove(self.index)
+    def entries(self, plan):
+        return plan.skins
 
 
 class SKIN_OT_landmark_add(AtCursor, OnSkin, Edit, bpy.types.Operator):
@@ -74,18 +90,16 @@ class SKIN_OT_landmark_add(AtCursor, OnSkin, Edit, bpy.types.Operator):
         skin.landmarks.add().point = self.start(context)
 
 
-class SKIN_OT_landmark_remove(OnSkin, Edit, bpy.types.Operator):
+class SKIN_OT_landmark_remove(OnSkin, RemoveEntry, bpy.types.Operator):
     """Remove this landmark; without landmarks the sheet has its origin again"""
 
     bl_idname = "skin_calib.landmark_remove"
     bl_label = "Remove Landmark"
 
-    index: bpy.props.IntProperty(name="Index", description="Which landmark, from 0", **INDEX)
+    what = "landmark"
 
-    def edit(self, context, plan):
-        landmarks = self.of_kind(plan, "sheet", "landmarks").landmarks
-        entry(landmarks, self.index, "landmark")
-        landmarks.remove(self.index)
+    def entries(self, plan):
+        return self.of_kind(plan, "sheet", "landmarks").landmarks
 
 
 class SKIN_OT_zone_add(AtCursor, OnSkin, Edit, bpy.types.Operator):
@@ -100,18 +114,16 @@ class SKIN_OT_zone_add(AtCursor, OnSkin, Edit, bpy.types.Operator):
         write_first(ZONE, zone, metres_per_unit(context.scene))
 
 
-class SKIN_OT_zone_remove(OnSkin, Edit, bpy.types.Operator):
+class SKIN_OT_zone_remove(OnSkin, RemoveEntry, bpy.types.Operator):
     """Remove this zone, so that boards may cover it again"""
 
     bl_idname = "skin_calib.zone_remove"
     bl_label = "Remove Excluded Zone"
 
-    index: bpy.props.IntProperty(name="Index", description="Which zone, from 0", **INDEX)
+    what = "excluded zone"
 
-    def edit(self, context, plan):
-        zones = self.of_kind(plan, "hexagons", "excluded zones").excluded
-        entry(zones, self.index, "excluded zone")
-        zones.remove(self.index)
+    def entries(self, plan):
+        return self.of_kind(plan, "hexagons", "excluded zones").excluded
 
 
 CLASSES = (

@@ -7,27 +7,43 @@ from ..skin_calib_addon.blender.scene import link_objects, results
 from ..skin_calib_addon.common.errors import SkinCalibError
 
 
-class OnMesh:
-    """Works on the active object if it is a mesh of this file."""
+class Available:
+    """Available unless there is a reason why not, which Blender shows at the button."""
 
     @classmethod
     def poll(cls, context):
-        return cls.says(link_objects.why_no_link(context, named=False))
-
-    @classmethod
-    def says(cls, reason):
-        """Return whether there is no reason to refuse; Blender shows the reason at the button."""
+        reason = cls.why_not(context)
         if reason:
             cls.poll_message_set(reason)
         return not reason
 
 
-class OnLink(OnMesh):
+class Refusing:
+    """Acts, or reports why it refuses and leaves the scene as it was."""
+
+    def execute(self, context):
+        try:
+            self.act(context)
+        except SkinCalibError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class OnMesh(Available):
+    """Works on the active object if it is a mesh of this file."""
+
+    @classmethod
+    def why_not(cls, context):
+        return link_objects.why_no_link(context, named=False)
+
+
+class OnLink(Available):
     """Works on the active object if it also has a link name."""
 
     @classmethod
-    def poll(cls, context):
-        return cls.says(link_objects.why_no_link(context))
+    def why_not(cls, context):
+        return link_objects.why_no_link(context)
 
 
 class KeepsLink:
@@ -54,24 +70,17 @@ class OnResult(OnLink):
     """Works on the active link once it is fitted."""
 
     @classmethod
-    def poll(cls, context):
-        if not super().poll(context):
-            return False
-        has_result = results.find(context.object.skin_calib.result.key) is not None
-        return cls.says("" if has_result else "Fit the link first")
+    def why_not(cls, context):
+        has_result = context.object and results.find(context.object.skin_calib.result.key)
+        return super().why_not(context) or ("" if has_result else "Fit the link first")
 
 
-class Edit(OnMesh):
-    """Changes the plan of the active object in one step of undo, or refuses and leaves it as it was."""
+class Edit(Refusing, OnMesh):
+    """Changes the plan of the active object in one step of undo."""
 
     bl_options = {"REGISTER", "UNDO"}
 
-    def execute(self, context):
+    def act(self, context):
         plan = context.object.skin_calib
-        try:
-            self.edit(context, plan)
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        self.edit(context, plan)
         plan.result.outdated = True
-        return {"FINISHED"}

@@ -56,12 +56,12 @@ class OverLinks(Waiting, WhileIdle):
             self.report({"INFO"}, f"Stopped. Finished: {self.done} of {counted(self.total, 'link')}")
             return {"FINISHED"} if self.done else {"CANCELLED"}  # what is finished is one step of undo
         if event.type == "TIMER" and self.work.is_done():
-            updates.release(self.subject)
+            updates.release()
             self.finish_link(context)
             if not self.start_next(context):
                 self.end(context)
                 return self.conclude()
-            updates.hold(self.subject)
+            updates.hold(self.uid, self.subject)
         number = f" ({self.total - len(self.left)} of {self.total})" if self.total > 1 else ""
         self.show_progress(context, number)
         return {"PASS_THROUGH"}

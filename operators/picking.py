@@ -26,7 +26,33 @@ class AtCursor:
         return self.point
 
 
-class Picking:
+def is_navigation(event):
+    """Return whether an event only moves the view."""
+    is_number = event.type.startswith(("NUMPAD_", "NDOF_")) and event.type != "NUMPAD_ENTER"
+    return event.type in NAVIGATION or is_number
+
+
+class Clicks:
+    """Waits for clicks, with an eyedropper as the cursor."""
+
+    def wait(self, context, words):
+        """Wait, with some words in the status bar."""
+        context.window.cursor_modal_set("EYEDROPPER")
+        context.workspace.status_text_set(words)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def cancel(self, context):
+        """End because Blender opens a file, or quits."""
+        self.end(context)
+
+    def end(self, context):
+        """Restore the cursor and the status bar."""
+        context.window.cursor_modal_restore()
+        context.workspace.status_text_set(None)
+
+
+class Picking(Clicks):
     """An operator that asks for a click on the active link for each prompt, and then executes."""
 
     prompts = ()  # text of the status bar before each click
@@ -45,8 +71,8 @@ class Picking:
         """Prepare for clicks, which are possible now."""
 
     def take(self, points):
-        """Set the operator's properties from what was picked."""
-        raise NotImplementedError
+        """Set the operator's properties from what was picked: one point, unless an operator has more."""
+        (self.point,) = points
 
     def invoke(self, context, event):
         try:
@@ -55,20 +81,17 @@ class Picking:
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.link, self.picked = context.object.name, []
+        self.uid, self.picked = context.object.session_uid, []
         if self.at_mouse:
             return self.use_mouse(context, event)
         self.begin(context)
-        context.window.cursor_modal_set("EYEDROPPER")
-        context.workspace.status_text_set(self.prompts[0])
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+        return self.wait(context, self.prompts[0])
 
     def use_mouse(self, context, event):
         """Use the point under the mouse, without further clicks."""
         point = self.under_mouse(context, event)
         if point is None:
-            self.report({"WARNING"}, f"{self.what or self.link} is not under the mouse: click on it")
+            self.report({"WARNING"}, f"{self.what or context.object.name} is not under the mouse: click on it")
             return {"CANCELLED"}
         self.take([point])
         return self.execute(context)
@@ -78,11 +101,11 @@ class Picking:
         return point_under(context, event.mouse_x, event.mouse_y)
 
     def modal(self, context, event):
-        if event.type in NAVIGATION or event.type.startswith(("NUMPAD_", "NDOF_")) and event.type != "NUMPAD_ENTER":
+        if is_navigation(event):
             return {"PASS_THROUGH"}
         if self.repeats and event.type == "Z" and (event.ctrl or event.oskey):
             return {"PASS_THROUGH"}  # Blender undoes or redoes the last click
-        is_over = context.object is None or context.object.name != self.link
+        is_over = context.object is None or context.object.session_uid != self.uid
         if is_over or event.type in {"ESC", "RIGHTMOUSE"} or self.repeats and event.type in {"RET", "NUMPAD_ENTER"}:
             self.end(context)
             return {"CANCELLED"}  # each click has its own undo step
@@ -94,7 +117,8 @@ class Picking:
         """Use the point under the mouse; after the last one, execute."""
         point = self.under_mouse(context, event)
         if point is None:
-            self.report({"WARNING"}, f"{self.what or self.link} is not under the mouse: click on it, or press Esc")
+            what = self.what or context.object.name
+            self.report({"WARNING"}, f"{what} is not under the mouse: click on it, or press Esc")
             return {"RUNNING_MODAL"}
         self.picked.append(point)
         if len(self.picked) < len(self.prompts):
@@ -108,12 +132,3 @@ class Picking:
         if self.execute(context) == {"FINISHED"}:
             bpy.ops.ed.undo_push(message=self.bl_label)
         return {"RUNNING_MODAL"}
-
-    def cancel(self, context):
-        """End because Blender opens a file, or quits."""
-        self.end(context)
-
-    def end(self, context):
-        """Restore the cursor and the status bar."""
-        context.window.cursor_modal_restore()
-        context.workspace.status_text_set(None)

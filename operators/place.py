@@ -55,8 +55,5 @@ class SKIN_OT_place(Picking, Place, bpy.types.Operator):
     def check(self, context):
         skins.point_of(context.object.skin_calib, self.what, self.skin, self.index)
 
-    def take(self, points):
-        (self.point,) = points
-
 
 CLASSES = (SKIN_OT_place_at_cursor, SKIN_OT_place)

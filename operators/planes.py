@@ -36,6 +36,11 @@ def place_by_hand(context):
     link.skin_calib.held = "U"
 
 
+def has_planes(context):
+    """Return whether the planes of the active link are placed by hand."""
+    return context.object.skin_calib.grid.kind == "planes"
+
+
 class SKIN_OT_planes_place(OnLink, Edit, bpy.types.Operator):
     """Replace the grid by its planes one by one, to move, tilt, add and remove them by hand"""
 
@@ -43,10 +48,8 @@ class SKIN_OT_planes_place(OnLink, Edit, bpy.types.Operator):
     bl_label = "Place by Hand"
 
     @classmethod
-    def poll(cls, context):
-        return super().poll(context) and cls.says(
-            "The planes are placed by hand already" if context.object.skin_calib.grid.kind == "planes" else ""
-        )
+    def why_not(cls, context):
+        return super().why_not(context) or ("The planes are placed by hand already" if has_planes(context) else "")
 
     def edit(self, context, plan):
         place_by_hand(context)
@@ -68,10 +71,8 @@ class OnPlanes(Edit):
     family: bpy.props.EnumProperty(items=FAMILIES, **FAMILY)
 
     @classmethod
-    def poll(cls, context):
-        return super().poll(context) and cls.says(
-            "" if context.object.skin_calib.grid.kind == "planes" else "Place the planes by hand first"
-        )
+    def why_not(cls, context):
+        return super().why_not(context) or ("" if has_planes(context) else "Place the planes by hand first")
 
     def edit(self, context, plan):
         planes = plane_lists.read_planes(plan.grid, self.family, context.scene)
@@ -125,9 +126,6 @@ class AtPoint(Picking, OnLink, Edit):
     """Changes the planes at a point of the link; a grid becomes planes placed by hand first."""
 
     point: bpy.props.FloatVectorProperty(name="Point", description="Where it is, in the link frame", **POINT)
-
-    def take(self, points):
-        (self.point,) = points
 
     def edit(self, context, plan):
         if plan.grid.kind != "planes":

@@ -12,6 +12,7 @@ from ..skin_calib_addon.blender.scene import link_objects, plans, results, robot
 from ..skin_calib_addon.blender.scene.preferences import preferences
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import refusal_of
+from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.atomic_file import make_folder
 from ..skin_calib_addon.common.errors import InvalidMesh, InvalidPlan, OutputError, SkinCalibError, counted, listed
 from ..skin_calib_addon.common.findings import printable
@@ -24,7 +25,7 @@ from ..skin_calib_addon.robot.urdf import read_robot
 from .exchange import write_plan
 from .files import Import
 from .fit import fit_of, store_fit
-from .on_link import OnLink
+from .on_link import Available, OnLink, Refusing
 from .over_links import OverLinks
 from .working import WhileIdle
 
@@ -64,19 +65,12 @@ class SKIN_OT_import_robot(Import, bpy.types.Operator):
         return read
 
 
-class OnLinks:
+class OnLinks(Available):
     """Available if the scene has a link."""
 
     @classmethod
-    def poll(cls, context):
-        return cls.says("" if link_objects.links(context) else "Import a robot, or a link, first")
-
-    @classmethod
-    def says(cls, reason):
-        """Return whether there is no reason to refuse; Blender shows the reason at the button."""
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+    def why_not(cls, context):
+        return "" if link_objects.links(context) else "Import a robot, or a link, first"
 
 
 def propose_and_fit(task, channel, mesh, begin):
@@ -141,7 +135,7 @@ class Propose(OverLinks):
         settings.proposed = proposal.taxels
         settings.proposed_area = f"{proposal.cells * 1e4:.0f} of {proposal.free * 1e4:.0f} cm^2"
         settings.result.key = ""  # a fit of an earlier plan is not drawn
-        updates.forget(link.name)
+        session.of(link).forget()
         if isinstance(fit, SkinCalibError):
             updates.refuse(link, refusal_of(fit))
             self.report({"WARNING"}, f"{link.name}: the fit of the proposal is refused. {skins.in_window(fit)}")
@@ -222,7 +216,7 @@ def links_to_write(context):
     """Return the links with a current fit, and those whose fit is refused, which are all others that have a plan."""
     planned = robots.compared_links(context)
     fitted = [link for link in planned if robots.fit_of(link) is not None]
-    refused = [link for link in planned if link not in fitted and updates.is_refused(link)]
+    refused = [link for link in planned if link not in fitted and session.of(link).is_refused]
     waiting = [link.name for link in planned if link not in fitted and link not in refused]
     if waiting:
         raise OutputError(f"{listed(waiting)}: not fitted since the last change. Press Fit All first.")
@@ -251,7 +245,7 @@ def write_folder(context, folder, links):
     return [path.name for path in sorted(folder.glob("*.calibration.json")) if path not in written]
 
 
-class SKIN_OT_export_robot(WhileIdle, OnLinks, bpy.types.Operator):
+class SKIN_OT_export_robot(Refusing, WhileIdle, OnLinks, bpy.types.Operator):
     """Write plans and calibrations of all fitted links to a folder, with robot.json, as the command line does"""
 
     bl_idname = "skin_calib.export_robot"
@@ -265,23 +259,18 @@ class SKIN_OT_export_robot(WhileIdle, OnLinks, bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def execute(self, context):
+    def act(self, context):
+        if not self.directory:
+            raise OutputError("Choose a folder for the files of the robot.")
         folder = Path(bpy.path.abspath(self.directory))
-        try:
-            if not self.directory:
-                raise OutputError("Choose a folder for the files of the robot.")
-            links, refused = links_to_write(context)
-            earlier = write_folder(context, folder, links)
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        links, refused = links_to_write(context)
+        earlier = write_folder(context, folder, links)
         self.report({"INFO"}, f"Wrote {counted(len(links), 'calibration')} and robot.json to {folder}")
         for link in refused:  # last, because the window shows what was reported last
             self.report({"WARNING"}, f"{link.name} is not written, because its fit is refused. Robot has the reason.")
         for name in earlier:
             stays = f"{name} is from an earlier export, and stays in robot.json"
             self.report({"WARNING"}, f"{stays}. Remove it from the folder, and export again.")
-        return {"FINISHED"}
 
 
 CLASSES = (

@@ -12,7 +12,7 @@ from ..skin_calib_addon.calibration.model import MAX_CHANNEL
 from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.skin.single_taxels import short_id
 from .inspect import taxel_under
-from .lists import INDEX, OnSkin
+from .lists import OnSkin, RemoveEntry
 from .on_link import Edit, OnResult
 from .picking import Picking
 
@@ -28,7 +28,7 @@ class OneTaxel(OnResult, Edit):
         updates.accompany(context.object)
         done = super().execute(context)
         if not self.is_waiting:
-            updates.leave(context.object.name)
+            updates.leave(context.object.session_uid)
         return done
 
     def single(self, context, plan, taxel):
@@ -67,7 +67,7 @@ class SKIN_OT_taxel_toggle(Picking, OneTaxel, bpy.types.Operator):
 
     def end(self, context):
         super().end(context)
-        updates.leave(self.link)
+        updates.leave(self.uid)
 
     def under_mouse(self, context, event):
         return taxel_under(context, event.mouse_x, event.mouse_y)
@@ -144,18 +144,16 @@ def channels_of(link):
     return found
 
 
-class SKIN_OT_single_taxel_remove(OnSkin, Edit, bpy.types.Operator):
+class SKIN_OT_single_taxel_remove(OnSkin, RemoveEntry, bpy.types.Operator):
     """Remove this entry: the taxel is enabled, with its usual channel"""
 
     bl_idname = "skin_calib.single_taxel_remove"
     bl_label = "Remove Single Taxel"
 
-    index: bpy.props.IntProperty(name="Index", description="Which entry, from 0", **INDEX)
+    what = "single taxel"
 
-    def edit(self, context, plan):
-        singles = entry(plan.skins, self.skin, "skin").taxels
-        entry(singles, self.index, "single taxel")
-        singles.remove(self.index)
+    def entries(self, plan):
+        return entry(plan.skins, self.skin, "skin").taxels
 
 
 CLASSES = (SKIN_OT_taxel_toggle, SKIN_OT_taxel_channel, SKIN_OT_single_taxel_remove)

@@ -21,6 +21,11 @@ class SKIN_OT_touches(KeepsLink, OnResult, LooksAtFile, bpy.types.Operator):
         return f"{sum(len(placement.rows) for placement in found)} touches compared"
 
 
+def why_no_touches(link):
+    """Return that a link has no touches, and what to do; empty if it has."""
+    return "" if link.skin_calib.inspect.touches.file else "Compare with touches first"
+
+
 class SKIN_OT_touches_move(OnResult, Edit, bpy.types.Operator):
     """Move the skins of the active link to fit the touches: origins and directions, or landmarks"""
 
@@ -28,13 +33,10 @@ class SKIN_OT_touches_move(OnResult, Edit, bpy.types.Operator):
     bl_label = "Move Skins There"
 
     @classmethod
-    def poll(cls, context):
-        if not super().poll(context):
-            return False
-        touches, result = context.object.skin_calib.inspect.touches, context.object.skin_calib.result
-        if not touches.file:
-            return cls.says("Compare with touches first")
-        return cls.says("Fit the link again first" if result.outdated else "")
+    def why_not(cls, context):
+        if reason := super().why_not(context) or why_no_touches(context.object):
+            return reason
+        return "Fit the link again first" if context.object.skin_calib.result.outdated else ""
 
     def edit(self, context, plan):
         touching.move_to_touches(context.object, context.scene)
@@ -48,10 +50,8 @@ class SKIN_OT_touches_end(OnLink, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
-        return super().poll(context) and cls.says(
-            "" if context.object.skin_calib.inspect.touches.file else "Compare with touches first"
-        )
+    def why_not(cls, context):
+        return super().why_not(context) or why_no_touches(context.object)
 
     def execute(self, context):
         touching.forget(context.object)

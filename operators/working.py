@@ -6,6 +6,7 @@ from time import perf_counter
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.live.background import Work
 from ..skin_calib_addon.blender.scene import link_objects, skins
+from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import SkinCalibError
 
 # [s] A computation that takes longer continues in a thread.
@@ -16,15 +17,15 @@ class WhileIdle:
     """Available while no other computation runs."""
 
     @classmethod
-    def poll(cls, context):
-        busy = updates.held()
-        return super().poll(context) and cls.says(
-            f"Wait for the work on {busy}, or press Esc to stop it" if busy else ""
-        )
+    def why_not(cls, context):
+        busy = f"Wait for the work on {session.busy.name}, or press Esc to stop it" if session.busy else ""
+        return super().why_not(context) or busy
 
 
 class Waiting:
     """Waits for a computation in a thread; Esc stops it. Before, ``work`` and ``doing`` are set, and the object."""
+
+    uid = None  # of the object; None: it works on a file
 
     def work_on(self, link):
         """Set the object, whose result is stored also if it gets another name."""
@@ -45,7 +46,7 @@ class Waiting:
 
     def wait(self, context):
         """Wait, while Blender handles other events."""
-        updates.hold(self.subject)
+        updates.hold(self.uid, self.subject)
         self.start = perf_counter()
         self.show_progress(context)
         self.timer = context.window_manager.event_timer_add(0.1, window=context.window)
@@ -68,7 +69,7 @@ class Waiting:
         stage = f": {self.work.stage}" if self.work.stage else ""
         seconds = f"{perf_counter() - self.start:.0f} s"
         context.workspace.status_text_set(f"{self.subject}{number}: {self.doing}{stage}, {seconds}    Esc: stop")
-        updates.show_progress(self.subject, f"{self.doing}{stage}, {seconds}. Esc stops it")
+        updates.show_progress(f"{self.doing}{stage}, {seconds}. Esc stops it")
 
     def refuse(self, error):
         """Report an error; the scene stays as it was."""
@@ -82,7 +83,7 @@ class Waiting:
     def end(self, context):
         """Clear the status bar and stop the computation."""
         self.work.stop()
-        updates.release(self.subject)
+        updates.release()
         context.window_manager.event_timer_remove(self.timer)
         context.workspace.status_text_set(None)
 

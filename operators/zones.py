@@ -60,7 +60,7 @@ class SKIN_OT_zones_from_faces(OnSkin, Edit, bpy.types.Operator):
         if len(patches) != len(link.skin_calib.skins):
             raise SkinCalibError("Fit the link first, to see its taxels.")
         patch = patches[self.skin]
-        is_old = link.skin_calib.result.outdated and link.name not in drawing.previews
+        is_old = drawing.is_of_last_fit(link)
         over = np.flatnonzero(taxels_over(triangles, patch.taxels))
         for i in over:
             skins.single_taxel(skin, short_id(patch, patch.taxels.ids[i])).enabled = False

@@ -6,9 +6,9 @@ import textwrap
 import blf
 import bpy
 
-from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene.plans import surface_names
+from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import counted
 
 # Characters in a line without a region, as in a background process.
@@ -234,7 +234,7 @@ def show_warning(layout, warning):
 
 def what_is_wrong(settings, family, index):
     """Return why a plane is drawn red, from the last sketch of the planes of the link; empty if it is valid."""
-    sketch = updates.sketches.get(settings.id_data.name)
+    sketch = session.of(settings.id_data).sketch
     return sketch.wrong.get((family, index), "") if sketch else ""
 
 

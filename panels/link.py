@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import bpy
 
-from ..skin_calib_addon.blender.live import diagnoses, updates
+from ..skin_calib_addon.blender.live import diagnoses
 from ..skin_calib_addon.blender.live.advice import shown_warnings
 from ..skin_calib_addon.blender.scene.link_objects import longest_side
 from ..skin_calib_addon.blender.scene.preferences import preferences
 from ..skin_calib_addon.blender.scene.warnings import read_warning
+from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import counted
 from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, likely_mistake
 from .base import Step, button, buttons, field, serious_of, show_text, show_warning
@@ -87,11 +88,11 @@ class MeshStep(Step):
         button(layout, "diagnose", icon="VIEWZOOM")
         if not found.key:
             return
-        if plan.id_data.name in diagnoses.unverified:
+        if session.of(plan.id_data).is_unverified:
             show_text(layout, "The mesh has changed: check again", "INFO")
         elif found.outdated:
             show_text(layout, "The plan has changed: check again", "INFO")
-        above = () if plan.result.outdated and not updates.is_refused(plan.id_data) else shown_warnings(plan.id_data)
+        above = () if plan.result.outdated and not session.of(plan.id_data).is_refused else shown_warnings(plan.id_data)
         for finding in diagnoses.not_repeated(found.findings):
             show_warning(layout, shortened_by(read_warning(finding), above))
         if found.inner:

@@ -5,9 +5,9 @@ import json
 
 import bpy
 
-from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.scene import robots
 from ..skin_calib_addon.blender.scene.preferences import preferences
+from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import counted
 from .base import Step, button, buttons, field, show_text
 
@@ -16,9 +16,9 @@ MAX_ROWS = 8  # of the list. Larger: the panels below it move down.
 
 def state_of(link):
     """Return the state of a link: in a few words, its icon, and the reason of a refusal."""
-    settings, note = link.skin_calib, updates.reports.get(link.name)
+    settings, note = link.skin_calib, session.of(link).report
     result, warnings = settings.result, len(settings.result.warnings)
-    if updates.held() == link.name:
+    if session.progress_of(link) is not None:
         return "in progress", "SORTTIME", ""
     if note and note.problem:
         return "refused", "CANCEL", note.problem

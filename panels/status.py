@@ -3,12 +3,12 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.live.advice import PROPOSE, REFUSAL, hidden_surface, mark_of, offered
 from ..skin_calib_addon.blender.scene.link_objects import namesakes, why_not
 from ..skin_calib_addon.blender.scene.results import least_exact
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import read_warning
+from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import counted
 from .base import POPOVER_UNITS, buttons, shortened, show_text, show_warning
 
@@ -23,9 +23,9 @@ def state_of(link):
         return "Select or open a link", "INFO"
     if reason := why_not(link, named=False):
         return reason, "INFO"
-    plan, report = link.skin_calib, updates.reports.get(link.name)
+    plan, report = link.skin_calib, session.of(link).report
     result = plan.result
-    if words := updates.progress(link.name):
+    if words := session.progress_of(link):
         return words, "SORTTIME"
     if not plan.link:
         return "Open a mesh, URDF or robot, or enter a name to make this object a link", "INFO"
@@ -75,7 +75,7 @@ def draw_status(layout, link):
     row.operator("skin_calib.propose", icon="OUTLINER_DATA_LATTICE")
     row.operator("skin_calib.fit", icon="SURFACE_DATA")
     row.prop(plan, "live", toggle=True, icon="PLAY")
-    report, result = updates.reports.get(link.name), plan.result
+    report, result = session.of(link).report, plan.result
     if plan.refusal and not plan.skins:
         show_text(layout, plan.refusal, "CANCEL")
     if report and not report.refusal:

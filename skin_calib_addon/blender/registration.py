@@ -4,9 +4,9 @@
 from importlib import import_module
 from types import ModuleType
 
-from . import command
+from . import command, session
 from .handles import plane_handles, skin_handles
-from .inspection import replay, taxel_mesh, taxels
+from .inspection import replay, taxel_mesh
 from .live import diagnoses, updates
 from .overlay import drawing
 from .properties import link as properties
@@ -22,13 +22,13 @@ def register(package: str) -> None:
         properties,
         *outside,
         drawing,
+        session,
         updates,
         diagnoses,
         plane_handles,
         skin_handles,
         replay,
         taxel_mesh,
-        taxels,
         command,
     ):
         module.register()

@@ -80,6 +80,12 @@ def updates(extension):
 
 
 @pytest.fixture
+def state_of(updates):
+    """Gives what the window knows of a link."""
+    return updates.session.of
+
+
+@pytest.fixture
 def preview(extension):
     """Return the module of the running extension."""
     return modules(extension, "live.preview").preview

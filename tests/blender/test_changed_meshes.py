@@ -86,7 +86,7 @@ def test_mesh_that_cannot_be_compared_keeps_its_result(bpy, addon, fitted):
 
 def test_unchanged_mesh_is_hashed_once(bpy, addon, fitted, monkeypatch):
     """The pose of a frame, and undo, only make its triangles be read: hashes of large meshes take seconds."""
-    hashes, facets = [], addon.diagnoses.Facets
+    hashes, facets = [], addon.link_meshes.Facets
     real = facets.welded
     monkeypatch.setattr(facets, "welded", lambda self: hashes.append(1) or real(self))
     frame = bpy.data.objects.new("frame", None)
@@ -118,13 +118,13 @@ def test_robot_is_not_exported_with_the_fit_of_another_mesh(bpy, fitted, tmp_pat
     assert one == other
 
 
-def test_robot_is_not_exported_without_a_link_that_has_a_preview(bpy, updates, fitted, tmp_path):
+def test_robot_is_not_exported_without_a_link_that_has_a_preview(bpy, updates, fitted, tmp_path, state_of):
     """While Live follows a change, the link is not fitted since the last change; it was left out."""
     link = bpy.context.object
     link.skin_calib.live = True
     link.skin_calib.grid.n += 1
     look(updates)
-    assert updates.reports[link.name].mean > 0
+    assert state_of(link).report.mean > 0
     with pytest.raises(RuntimeError, match="arm: not fitted since the last change"):
         bpy.ops.skin_calib.export_robot(directory=str(tmp_path / "robot"))
 
@@ -158,18 +158,18 @@ def test_other_unit_of_the_scene_outdates_the_result(bpy, addon, fitted):
     assert bpy.ops.skin_calib.fit() == {"FINISHED"} and not outdated(bpy, addon)
 
 
-def test_live_follows_the_unit_of_the_scene(bpy, addon, updates, fitted, monkeypatch):
+def test_live_follows_the_unit_of_the_scene(bpy, addon, updates, fitted, monkeypatch, state_of):
     """This counts also while the fit of a change before is due."""
     monkeypatch.setattr(updates, "FIT_DELAY", 60.0)
     link = bpy.context.object
     link.skin_calib.live = True
     link.skin_calib.grid.n += 1
     look(updates)
-    means = [updates.reports[link.name].mean]
+    means = [state_of(link).report.mean]
     bpy.context.scene.unit_settings.scale_length = 0.5
     bpy.context.view_layer.update()
     look(updates)
-    means.append(updates.reports[link.name].mean)
+    means.append(state_of(link).report.mean)
     assert means[1] == pytest.approx(0.5 * means[0], rel=1e-4)
 
 
@@ -222,7 +222,7 @@ def test_live_follows_an_animation(bpy, addon, updates, fitted, monkeypatch):
         assert bool(reads) == follow and (link.skin_calib.result.key != key) == follow
 
 
-def test_link_of_another_scene_is_read_there(bpy, addon, updates, plan_file, monkeypatch):
+def test_link_of_another_scene_is_read_there(bpy, addon, updates, plan_file, monkeypatch, state_of):
     """A timer has the scene of any window. In another one, the link has no modifiers and another unit."""
     other = bpy.data.scenes.new("other")
     other.unit_settings.scale_length = 0.001
@@ -235,15 +235,15 @@ def test_link_of_another_scene_is_read_there(bpy, addon, updates, plan_file, mon
     with bpy.context.temp_override(**there, object=link):
         bpy.ops.skin_calib.fit()
     monkeypatch.setattr(addon.diagnoses, "CHECK_DELAY", 0.0)
-    addon.diagnoses._mark_unverified(link)
-    updates.possibly_changed(link)
+    addon.diagnoses.touched(link)
+    updates.touched(link)
     while updates.tick() is not None or addon.diagnoses.verify() is not None:
         pass
     assert link not in bpy.context.scene.objects[:] and not link.skin_calib.result.outdated
     link.skin_calib.live = True
     link.skin_calib.grid.n += 1
     look(updates)
-    assert updates.reports[link.name].mean > 0
+    assert state_of(link).report.mean > 0
     while updates.tick() is not None:
         monkeypatch.setattr(updates, "FIT_DELAY", 0.0)
     assert not link.skin_calib.result.outdated and link.skin_calib.result.mean > 1e-3  # scene units, not metres

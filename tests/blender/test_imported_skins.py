@@ -157,7 +157,7 @@ def taxels(addon):
     return patch.taxels.positions_link
 
 
-def test_changed_file_is_read_again(bpy, addon, worn, updates, tmp_path):
+def test_changed_file_is_read_again(bpy, addon, worn, updates, tmp_path, state_of):
     """Fit and preview use the taxels of the new file."""
     bpy.ops.skin_calib.fit()
     assert len(taxels(addon)) == 40
@@ -171,27 +171,27 @@ def test_changed_file_is_read_again(bpy, addon, worn, updates, tmp_path):
         worn.skin_calib.grid.n = n
         worn.skin_calib.result.outdated = True
         look(updates)
-        (cells,) = [layer for layer in addon.drawing.previews[worn.name].shown({"CELLS"}) if layer.what == "CELLS"]
+        (cells,) = [layer for layer in state_of(worn).layers.shown({"CELLS"}) if layer.what == "CELLS"]
         assert len(cells.points) == (rows - 1) * 16 * 2
 
 
-def test_live_follows_a_frame_that_changes(bpy, addon, worn, updates):
+def test_live_follows_a_frame_that_changes(bpy, addon, worn, updates, state_of):
     """Taxels move with the numbers; when they are off the mesh, the panel states the problem."""
     worn.skin_calib.live = True
     look(updates)
-    before = cells(addon, worn)
+    before = cells(addon, worn, state_of)
     skin = worn.skin_calib.skins[0]
     skin.framed, skin.translation = True, (0, 0, 0.001)
     look(updates)
-    assert np.allclose(cells(addon, worn).mean(axis=0) - before.mean(axis=0), (0, 0, 0.001), atol=1e-4)
+    assert np.allclose(cells(addon, worn, state_of).mean(axis=0) - before.mean(axis=0), (0, 0, 0.001), atol=1e-4)
     skin.translation = (0.3, 0, 0)
     look(updates)
-    assert updates.reports[worn.name].problem.endswith("if that is right, press Find Frame")
+    assert state_of(worn).report.problem.endswith("if that is right, press Find Frame")
 
 
-def cells(addon, link):
+def cells(addon, link, state_of):
     """Return the corners of the cells of a preview."""
-    (layer,) = [layer for layer in addon.drawing.previews[link.name].shown({"CELLS"}) if layer.what == "CELLS"]
+    (layer,) = [layer for layer in state_of(link).layers.shown({"CELLS"}) if layer.what == "CELLS"]
     return layer.points
 
 
@@ -251,12 +251,17 @@ def test_export_of_a_changed_taxel_file_warns_and_outdates_the_fit(bpy, worn, tm
     assert worn.skin_calib.result.outdated
 
 
-def test_refused_link_has_no_tick_under_another_name(bpy, worn, tmp_path):
-    """The reason belongs to the name of the object; the fit is outdated."""
+def test_refused_link_has_no_tick(bpy, worn, tmp_path):
+    """The reason stays under another name; a copy does not have it, and its fit is outdated."""
     bpy.ops.skin_calib.fit()
     (tmp_path / "taxels.csv").unlink()
     with pytest.raises(RuntimeError):
         bpy.ops.skin_calib.fit()
     assert draw(bpy, "status")[0] == "The fit is refused"
     worn.name = "renamed"
+    assert draw(bpy, "status")[0] == "The fit is refused"
+    copy = worn.copy()
+    copy.skin_calib.link = "copy"
+    bpy.context.scene.collection.objects.link(copy)
+    bpy.context.view_layer.objects.active = copy
     assert draw(bpy, "status")[0] == "The plan has changed: fit again"

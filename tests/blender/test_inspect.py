@@ -189,7 +189,7 @@ def test_normals_follow_the_cells_unless_a_length_is_given(ours, fitted, result)
     assert not layer.directions[::2].any()
 
 
-def test_layers_are_switched_by_the_link(ours, fitted):
+def test_layers_are_switched_by_the_link(ours, fitted, state_of):
     """There is one heat map at a time; layers of other modules need no switch."""
     looks = fitted.skin_calib.inspect
     fitted.skin_calib.layers = {"CELLS", "NET"}
@@ -197,25 +197,22 @@ def test_layers_are_switched_by_the_link(ours, fitted):
     looks.heat, looks.labels = "TILT", "ID"
     assert [a.what for a in ours.drawing.shown_layers(fitted)] == ["TILT", "NET", "CELLS", "LABELS"]
     own = ours.layers.Layer("OTHER", np.zeros((2, 3), np.float32))
-    ours.drawing.set_layers("planes", fitted.name, (own,))
+    state_of(fitted).sketch = SimpleNamespace(layers=[own])
     assert list(ours.drawing.shown_layers(fitted))[-1] is own
-    ours.drawing.previews[fitted.name] = (own,)
-    assert list(ours.drawing.shown_layers(fitted)) == [own, own]
-    del ours.drawing.previews[fitted.name]
-    ours.drawing.remove_layers("planes", fitted.name)
-    assert "PLANES" not in {a.what for a in ours.drawing.shown_layers(fitted)}
+    state_of(fitted).layers = ours.layers.Layers((), None, {})
+    assert list(ours.drawing.shown_layers(fitted)) == [own]
 
 
-def test_drawing_of_an_outdated_fit_says_so(bpy, ours, fitted):
+def test_drawing_of_an_outdated_fit_says_so(bpy, ours, fitted, state_of):
     """In the panel and the legend, after a change; not after the next fit, and not with a preview of the change."""
     looks, note = fitted.skin_calib.inspect, "Shown: the last fit, before the change"
     looks.heat = "TILT"
     assert note not in " ".join(draw(bpy, "inspect"))
     fitted.skin_calib.skins[0].offset += 0.001
     assert note in " ".join(draw(bpy, "inspect"))
-    ours.drawing.previews[fitted.name] = ()
+    state_of(fitted).layers = ours.layers.Layers((), None, {})
     assert note not in " ".join(draw(bpy, "inspect"))
-    del ours.drawing.previews[fitted.name]
+    state_of(fitted).layers = None
     bpy.ops.skin_calib.fit()
     assert note not in " ".join(draw(bpy, "inspect"))
 

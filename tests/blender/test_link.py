@@ -250,14 +250,14 @@ def modify(bpy, link):
 
 
 @pytest.mark.parametrize("change", [move_vertex, scale, modify], ids=lambda f: f.__name__)
-def test_changed_mesh_outdates_the_check(bpy, addon, shown, monkeypatch, change):
+def test_changed_mesh_outdates_the_check(bpy, addon, shown, monkeypatch, change, state_of):
     """The check is unverified at once, and still after the comparison; a new check is of the new mesh."""
     monkeypatch.setattr(addon.diagnoses, "CHECK_DELAY", 0)
     link = shown(TUBE)
     bpy.ops.skin_calib.diagnose()
     bpy.context.view_layer.update()
     addon.diagnoses.verify()
-    assert not addon.diagnoses.unverified
+    assert not state_of(bpy.context.object).is_unverified
     change(bpy, link)
     bpy.context.view_layer.update()
     for _ in range(2):
@@ -267,7 +267,7 @@ def test_changed_mesh_outdates_the_check(bpy, addon, shown, monkeypatch, change)
     assert "The mesh has changed: check again" not in draw(bpy, "mesh")
 
 
-def test_pose_of_the_frame_outdates_no_check(bpy, addon, shown, monkeypatch):
+def test_pose_of_the_frame_outdates_no_check(bpy, addon, shown, monkeypatch, state_of):
     """The check is unverified for a moment only: the pose of the parent does not change the link."""
     monkeypatch.setattr(addon.diagnoses, "CHECK_DELAY", 0)
     link = shown(TUBE)
@@ -275,12 +275,12 @@ def test_pose_of_the_frame_outdates_no_check(bpy, addon, shown, monkeypatch):
     bpy.ops.skin_calib.diagnose()
     frame.location = (1, 2, 3)
     bpy.context.view_layer.update()
-    assert addon.diagnoses.unverified == {"arm"}
+    assert state_of(bpy.context.object).is_unverified
     addon.diagnoses.verify()
-    assert not addon.diagnoses.unverified
+    assert not state_of(bpy.context.object).is_unverified
 
 
-def test_undo_and_reload_compare_the_check_with_the_mesh(bpy, addon, shown, monkeypatch, tmp_path):
+def test_undo_and_reload_compare_the_check_with_the_mesh(bpy, addon, shown, monkeypatch, tmp_path, state_of):
     """A check that undo restores with another mesh is unverified; a saved file restores the check."""
     monkeypatch.setattr(addon.diagnoses, "CHECK_DELAY", 0)
     shown(TUBE)
@@ -290,14 +290,14 @@ def test_undo_and_reload_compare_the_check_with_the_mesh(bpy, addon, shown, monk
     bpy.ops.ed.undo_push(message="scaled")
     bpy.ops.ed.undo()
     addon.diagnoses.verify()
-    assert bpy.context.object.skin_calib.diagnosis.key and not addon.diagnoses.unverified
+    assert bpy.context.object.skin_calib.diagnosis.key and not state_of(bpy.context.object).is_unverified
     bpy.ops.ed.redo()
     addon.diagnoses.verify()
-    assert addon.diagnoses.unverified == {"arm"}
+    assert state_of(bpy.context.object).is_unverified
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "arm.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "arm.blend"))
     addon.diagnoses.verify()
-    assert addon.diagnoses.unverified == {"arm"} and len(said(bpy.context.object)) == 4
+    assert state_of(bpy.context.object).is_unverified and len(said(bpy.context.object)) == 4
 
 
 def selected(link):

@@ -24,17 +24,17 @@ def rest(updates, monkeypatch):
         monkeypatch.setattr(updates, "FIT_DELAY", 0.0)
 
 
-def test_surface_and_skin_follow_a_change(bpy, addon, updates, following, monkeypatch):
+def test_surface_and_skin_follow_a_change(bpy, addon, updates, following, monkeypatch, state_of):
     """A preview with its mean error is drawn at once; after a delay the result is that of the button."""
     plan = following.skin_calib
     before = plan.result.key
     plan.grid.n += 2
     assert plan.result.outdated and bpy.app.timers.is_registered(updates.tick)
     look(updates)
-    assert following.name in addon.drawing.previews and plan.result.key == before
-    assert 0 < updates.reports[following.name].mean < 1e-3
+    assert state_of(following).layers and plan.result.key == before
+    assert 0 < state_of(following).report.mean < 1e-3
     rest(updates, monkeypatch)
-    assert not addon.drawing.previews and not updates.reports and not plan.result.outdated
+    assert not state_of(following).layers and not state_of(following).report and not plan.result.outdated
     followed = plan.result.key, plan.result.mean
     bpy.ops.skin_calib.fit()
     assert (plan.result.key, plan.result.mean) == followed and followed[0] != before
@@ -51,7 +51,7 @@ def test_many_changes_make_one_fit(updates, preview, following, monkeypatch):
     assert len(fits) == 1
 
 
-def test_change_of_a_skin_needs_no_other_surface(bpy, addon, updates, preview, following, monkeypatch):
+def test_change_of_a_skin_needs_no_other_surface(bpy, addon, updates, preview, following, monkeypatch, state_of):
     """Changes of the skin use the last surface; planes and mesh need a new one."""
     fits = []
     monkeypatch.setattr(preview, "fit_grid", lambda *words, real=preview.fit_grid: fits.append(1) or real(*words))
@@ -61,7 +61,7 @@ def test_change_of_a_skin_needs_no_other_surface(bpy, addon, updates, preview, f
     for rows in (1, 3):
         plan.skins[0].rows = rows
         look(updates)
-        cells = next(a for a in addon.drawing.previews[following.name] if a.what == "CELLS")
+        cells = next(a for a in state_of(following).layers if a.what == "CELLS")
         assert len(cells.points) == rows * plan.skins[0].columns * 8
     assert len(fits) == 1
     following.data.vertices[0].co.z += 1e-4
@@ -74,34 +74,34 @@ def test_change_of_a_skin_needs_no_other_surface(bpy, addon, updates, preview, f
     assert not plan.result.outdated
 
 
-def test_plan_that_cannot_be_fitted_says_why_and_recovers(updates, following, monkeypatch):
+def test_plan_that_cannot_be_fitted_says_why_and_recovers(updates, following, monkeypatch, state_of):
     """The last result stays; the next valid plan is drawn again."""
     plan = following.skin_calib
     key = plan.result.key
     plan.skins[0].rows = 900
     rest(updates, monkeypatch)
-    assert "beyond the edge" in updates.reports[following.name].problem
+    assert "beyond the edge" in state_of(following).report.problem
     assert plan.result.key == key and plan.result.outdated
     plan.skins[0].rows = 2
     rest(updates, monkeypatch)
-    assert not updates.reports and not plan.result.outdated
+    assert not state_of(following).report and not plan.result.outdated
 
 
-def test_preview_leaves_what_judges_to_the_fit(bpy, updates, following, monkeypatch):
+def test_preview_leaves_what_judges_to_the_fit(bpy, updates, following, monkeypatch, state_of):
     """A sheet that overlaps itself is drawn; the status says that warnings follow, and the fit refuses it."""
     plan = following.skin_calib
     plan.skins[0].columns = 24
     look(updates)
-    report = updates.reports[following.name]
+    report = state_of(following).report
     assert report.refusal is None and not report.interpolated
     shown = " ".join(draw(bpy, "status"))
     assert shown.startswith("Preview: mean 0.") and "Errors and warnings follow when the changes end" in shown
     rest(updates, monkeypatch)
-    assert "overlap" in updates.reports[following.name].problem and plan.result.outdated
+    assert "overlap" in state_of(following).report.problem and plan.result.outdated
     assert draw(bpy, "status")[0] == "The fit is refused"
 
 
-def test_boards_that_are_searched_for_follow_with_the_fit(bpy, addon, updates, following, monkeypatch):
+def test_boards_that_are_searched_for_follow_with_the_fit(bpy, addon, updates, following, monkeypatch, state_of):
     """A preview leaves them out, with the skin whose channels follow theirs; listed boards are drawn."""
     plan = following.skin_calib
     bpy.ops.skin_calib.skin_add(kind="hexagons")
@@ -109,16 +109,16 @@ def test_boards_that_are_searched_for_follow_with_the_fit(bpy, addon, updates, f
     sheet, boards, other = plan.skins
     sheet.rows, sheet.columns, boards.side, other.rows, other.columns = 1, 2, 0.01, 1, 3
     look(updates)
-    report, skins = updates.reports[following.name], addon.drawing.previews[following.name].taxels
+    report, skins = state_of(following).report, state_of(following).layers.taxels
     assert report.refusal is None and report.left_out and len(skins.ids) == 2
     assert "Boards, errors and warnings follow when the changes end" in " ".join(draw(bpy, "status"))
     rest(updates, monkeypatch)
     count = plan.result.taxels - 5
-    assert count > 3 and not updates.reports
+    assert count > 3 and not state_of(following).report
     boards.choice, boards.cells = "listed", "0,0 1,0"
     look(updates)
-    assert not updates.reports[following.name].left_out
-    assert len(addon.drawing.previews[following.name].taxels.ids) == 7
+    assert not state_of(following).report.left_out
+    assert len(state_of(following).layers.taxels.ids) == 7
 
 
 def test_warnings_of_the_fit_before_a_change_are_named_as_such(bpy, updates, following, monkeypatch):
@@ -135,7 +135,7 @@ def test_warnings_of_the_fit_before_a_change_are_named_as_such(bpy, updates, fol
 
 @pytest.mark.slow
 def test_fine_sheet_is_interpolated_in_the_preview_and_exact_in_the_file(
-    bpy, addon, updates, plan_file, fit_plainly, tmp_path, monkeypatch
+    bpy, addon, updates, plan_file, fit_plainly, tmp_path, monkeypatch, state_of
 ):
     """The final state of Live has the bytes of the command line; the status of the preview says that it is not."""
     fine = BAND | {"rows": 12, "columns": 45, "pitch": [0.002, 0.003]}
@@ -147,24 +147,24 @@ def test_fine_sheet_is_interpolated_in_the_preview_and_exact_in_the_file(
     for columns in (43, 44, 45):
         link.skin_calib.skins[0].columns = columns
         look(updates)
-        assert updates.reports[link.name].interpolated and draw(bpy, "status")[0].startswith("Preview: mean 0.")
+        assert state_of(link).report.interpolated and draw(bpy, "status")[0].startswith("Preview: mean 0.")
         assert "Cells are interpolated. " in " ".join(draw(bpy, "status"))
-        assert len(addon.drawing.previews[link.name].taxels.ids) == 12 * columns
+        assert len(state_of(link).layers.taxels.ids) == 12 * columns
     rest(updates, monkeypatch)
-    assert not updates.reports and not link.skin_calib.result.outdated
+    assert not state_of(link).report and not link.skin_calib.result.outdated
     out = tmp_path / "live.json"
     assert bpy.ops.skin_calib.export_calibration(filepath=str(out)) == {"FINISHED"}
     assert out.read_bytes() == fit_plainly(plan_file(skins=[fine]))
 
 
-def test_many_planes_have_a_coarse_preview_and_an_exact_fit(bpy, updates, following, monkeypatch):
+def test_many_planes_have_a_coarse_preview_and_an_exact_fit(bpy, updates, following, monkeypatch, state_of):
     """The automatic spacing of many planes takes long: only the fit that follows has it exactly."""
     plan = following.skin_calib
     plan.grid.spacing = "auto"
     for n, is_coarse in ((24, False), (25, True)):
         plan.grid.n = n
         look(updates)
-        report = updates.reports[following.name]
+        report = state_of(following).report
         assert report.refusal is None and report.coarse == is_coarse
     rest(updates, monkeypatch)
     followed = plan.result.mean
@@ -179,7 +179,7 @@ def cut_at(plan, height):
     return cut
 
 
-def test_cut_that_moves_takes_the_lines_of_the_last_fit_along(bpy, updates, preview, following, monkeypatch):
+def test_cut_that_moves_takes_the_lines_of_the_last_fit_along(bpy, updates, preview, following, monkeypatch, state_of):
     """Neither axis nor spacing is sought while it moves; the surface is near the exact one, which follows."""
     plan, fits = following.skin_calib, []
     plan.grid.spacing = "auto"
@@ -191,12 +191,12 @@ def test_cut_that_moves_takes_the_lines_of_the_last_fit_along(bpy, updates, prev
     for height in (0.005, 0.006):
         cut.point[2] = height
         look(updates)
-        report = updates.reports[following.name]
+        report = state_of(following).report
         assert report.refusal is None and report.coarse and not fits
     moving = report.mean
     plan.skins[0].columns += 1
     look(updates)
-    report = updates.reports[following.name]
+    report = state_of(following).report
     assert fits == [1] and not report.coarse and abs(moving - report.mean) < 0.5 * report.mean
     rest(updates, monkeypatch)
     followed = plan.result.mean
@@ -204,7 +204,9 @@ def test_cut_that_moves_takes_the_lines_of_the_last_fit_along(bpy, updates, prev
     assert plan.result.mean == followed
 
 
-def test_cut_that_moves_removes_faces_of_a_coarse_mesh_until_the_fit(updates, preview, following, monkeypatch):
+def test_cut_that_moves_removes_faces_of_a_coarse_mesh_until_the_fit(
+    updates, preview, following, monkeypatch, state_of
+):
     """The removed part has few faces while the cut moves; with the complete fit it is that of the mesh."""
     clustering = importlib.import_module(preview.__name__.replace("blender.live.preview", "geometry.mesh.clustering"))
     monkeypatch.setattr(clustering, "COARSE_FACES", 60)
@@ -212,14 +214,14 @@ def test_cut_that_moves_removes_faces_of_a_coarse_mesh_until_the_fit(updates, pr
     rest(updates, monkeypatch)
 
     def removed():
-        (layer,) = [layer for layer in updates.sketches[following.name].layers if layer.colours is not None]
+        (layer,) = [layer for layer in state_of(following).sketch.layers if layer.colours is not None]
         return len(layer.points) // 3
 
     exact = removed()
     monkeypatch.setattr(updates, "FIT_DELAY", 60.0)
     cut.point[2] = 0.0301
     look(updates)
-    assert updates.reports[following.name].coarse and 0 < removed() < exact / 2
+    assert state_of(following).report.coarse and 0 < removed() < exact / 2
     rest(updates, monkeypatch)
     assert removed() == exact
 
@@ -235,7 +237,7 @@ def test_sheets_lie_along_the_facets_of_fine_meshes_until_the_fit(is_fine, updat
     assert [draft.on_facets for draft in drafts] == [is_fine]
 
 
-def test_cut_that_moves_leaves_other_surfaces_as_they_are(bpy, updates, preview, following, monkeypatch):
+def test_cut_that_moves_leaves_other_surfaces_as_they_are(bpy, updates, preview, following, monkeypatch, state_of):
     """Of two surfaces, only the one with the cut is fitted again; planes placed one by one are fitted exactly."""
     plan, fits = following.skin_calib, []
     cut_at(plan, 0.004)
@@ -249,17 +251,17 @@ def test_cut_that_moves_leaves_other_surfaces_as_they_are(bpy, updates, preview,
     fits.clear()
     plan.cover.cuts[0].point[2] = 0.005
     look(updates)
-    assert fits == ["fit_surface"] and updates.reports[following.name].coarse
+    assert fits == ["fit_surface"] and state_of(following).report.coarse
     bpy.ops.skin_calib.planes_place()
     look(updates)
     fits.clear()
     plan.cover.cuts[0].point[2] = 0.0055
     look(updates)
-    report = updates.reports[following.name]
+    report = state_of(following).report
     assert fits == ["fit_grid"] and report.refusal is None and not report.coarse
 
 
-def test_large_mesh_has_a_coarse_preview_and_an_exact_fit(bpy, updates, preview, following, monkeypatch):
+def test_large_mesh_has_a_coarse_preview_and_an_exact_fit(bpy, updates, preview, following, monkeypatch, state_of):
     """The status says so; where only the exact surface can be fitted, the preview has this one."""
     fits, plan = [], following.skin_calib
     monkeypatch.setattr(preview, "MAX_EXACT_FACES", 100)
@@ -274,7 +276,7 @@ def test_large_mesh_has_a_coarse_preview_and_an_exact_fit(bpy, updates, preview,
     for coarse, expected in ((True, [True]), (False, [True, True, False])):
         plan.grid.n += 1
         look(updates)
-        report = updates.reports[following.name]
+        report = state_of(following).report
         assert report.coarse == coarse and report.refusal is None and fits == expected
         assert ("The surface is coarse. " in " ".join(draw(bpy, "status"))) == coarse
     rest(updates, monkeypatch)
@@ -283,7 +285,7 @@ def test_large_mesh_has_a_coarse_preview_and_an_exact_fit(bpy, updates, preview,
     assert plan.result.mean == followed and len(fits) == 3
 
 
-def test_preview_judges_what_is_shown(bpy, addon, updates, following):
+def test_preview_judges_what_is_shown(bpy, addon, updates, following, state_of):
     """Angles to neighbours and uncertainties are computed for a preview only where their layer is drawn."""
     plan = following.skin_calib
     plan.skins[0].rows, plan.skins[0].columns, plan.skins[0].pitch = 20, 42, (0.002, 0.003)
@@ -291,17 +293,17 @@ def test_preview_judges_what_is_shown(bpy, addon, updates, following):
         plan.inspect.heat = heat
         plan.skins[0].rows -= 1
         look(updates)
-        taxels = addon.drawing.previews[following.name].taxels
+        taxels = state_of(following).layers.taxels
         assert (any(taxels.neighbours), not isnan(taxels.sigma).all()) == has
 
 
-def test_error_of_a_preview_is_that_at_the_samples(bpy, addon, updates, following, monkeypatch):
+def test_error_of_a_preview_is_that_at_the_samples(bpy, addon, updates, following, monkeypatch, state_of):
     """It is drawn on the surface, and its maximum is near that of the fit, which comes without it."""
     plan = following.skin_calib
     plan.inspect.heat = "ERROR"
     plan.grid.n += 2
     look(updates)
-    drawn = [next(addon.drawing.previews[following.name].shown({"ERROR"}))]
+    drawn = [next(state_of(following).layers.shown({"ERROR"}))]
     rest(updates, monkeypatch)
     drawn.append(next(addon.drawing.layers_now(following).shown({"ERROR"})))
     assert len(drawn[0].points) == len(drawn[0].colours) != len(drawn[1].points)
@@ -358,30 +360,46 @@ def test_link_that_does_not_follow_is_left_alone(bpy, updates, link):
     assert updates.tick() is None and plan.result.outdated
 
 
-def test_removed_and_renamed_objects_are_forgotten(bpy, updates, following):
-    """Requests of renamed and deleted objects, and of those without a link name, are removed."""
-    plan = following.skin_calib
-    plan.grid.n += 1
-    following.name = "other"
-    assert updates.tick() is None
+def test_removed_objects_are_forgotten(bpy, updates, following, state_of):
+    """Requests of deleted objects, and of those without a link name, are removed."""
+    plan, state = following.skin_calib, state_of(following)
     plan.grid.n += 1
     plan.link = ""
-    assert updates.tick() is None
+    assert updates.tick() is None and state.changed_at is None
     plan.link = "arm"
+    plan.grid.n += 1
+    look(updates)
+    assert state.layers and state.facets
     bpy.data.objects.remove(following)
     assert updates.tick() is None
+    (left,) = updates.session.states.values()
+    assert left.facets is left.layers is left.changed_at is None
 
 
-def test_undo_removes_the_preview(bpy, addon, updates, following, monkeypatch):
+def test_renamed_object_is_followed(bpy, updates, following, state_of, monkeypatch):
+    """Its preview stays, and the fit of the change follows; another object that gets the old name has neither."""
+    following.skin_calib.grid.n += 1
+    look(updates)
+    report = state_of(following).report
+    following.name = "other"
+    usurper = following.copy()
+    bpy.context.scene.collection.objects.link(usurper)
+    usurper.name, usurper.skin_calib.live = "arm", False
+    assert state_of(following).report is report and state_of(usurper).report is None
+    rest(updates, monkeypatch)
+    assert not following.skin_calib.result.outdated and usurper.skin_calib.result.outdated
+
+
+def test_undo_removes_the_preview(bpy, addon, updates, following, monkeypatch, state_of):
     """The link is then updated to the restored plan."""
     bpy.ops.ed.undo_push(message="before")
     following.skin_calib.grid.n = 14
     bpy.ops.ed.undo_push(message="after")
     look(updates)
-    assert addon.drawing.previews
+    assert state_of(following).layers
     bpy.ops.ed.undo()
     link = bpy.context.object
-    assert not addon.drawing.previews and link.skin_calib.grid.n != 14
+    assert not state_of(link).layers and link.skin_calib.grid.n != 14
     rest(updates, monkeypatch)
     assert not link.skin_calib.result.outdated
 
@@ -391,7 +409,7 @@ def test_new_file_removes_requests(bpy, addon, updates, following):
     following.skin_calib.grid.n += 1
     look(updates)
     bpy.ops.wm.read_homefile(use_empty=True)
-    assert not addon.drawing.previews and not updates.reports and updates.tick() is None
+    assert not updates.session.states and updates.tick() is None
 
 
 OTHER = {
@@ -422,7 +440,7 @@ def test_other_mesh_modifier_or_place_outdates_the_result(bpy, updates, link, ch
     assert (link.skin_calib.result.key != key) == follow
 
 
-def test_fit_runs_in_a_thread(bpy, updates, following, monkeypatch):
+def test_fit_runs_in_a_thread(bpy, updates, following, monkeypatch, state_of):
     """A change during the last step stops the fit, and the result of the new plan is kept."""
     go_on, begun = Event(), Event()
 
@@ -439,7 +457,7 @@ def test_fit_runs_in_a_thread(bpy, updates, following, monkeypatch):
     assert updates.tick() == updates.POLL_INTERVAL and begun.is_set()
     plan.grid.n = 12
     look(updates)
-    assert updates.reports[following.name].mean > 0, "the new plan is drawn while the old fit still runs"
+    assert state_of(following).report.mean > 0, "the new plan is drawn while the old fit still runs"
     go_on.set()
     rest(updates, monkeypatch)
     assert not plan.result.outdated and plan.result.control_points == 12 * 12
@@ -470,7 +488,7 @@ def test_mesh_that_changes_during_a_fit_is_fitted_again(bpy, updates, following,
     assert not plan.result.outdated and sizes[-1] > 1.009 * sizes[0]
 
 
-def test_link_that_does_not_follow_is_never_fitted(bpy, updates, link, monkeypatch):
+def test_link_that_does_not_follow_is_never_fitted(bpy, updates, link, monkeypatch, state_of):
     """Its cuts are sketched, but only the button fits it."""
     bpy.ops.skin_calib.fit()
     key = link.skin_calib.result.key
@@ -478,10 +496,10 @@ def test_link_that_does_not_follow_is_never_fitted(bpy, updates, link, monkeypat
     bpy.context.scene.cursor.location = (0, 0, 0.03)
     bpy.ops.skin_calib.cut_add()
     rest(updates, monkeypatch)
-    assert link.name in updates.sketches and link.skin_calib.result.outdated and link.skin_calib.result.key == key
+    assert state_of(link).sketch and link.skin_calib.result.outdated and link.skin_calib.result.key == key
 
 
-def test_mesh_that_changes_by_reading_is_compared_once(bpy, updates, link, monkeypatch):
+def test_mesh_that_changes_by_reading_is_compared_once(bpy, updates, link, monkeypatch, state_of):
     """Blender evaluates an object with nodes again when its property is written or its mesh is read."""
     bpy.ops.skin_calib.fit()
     looks = []
@@ -489,13 +507,13 @@ def test_mesh_that_changes_by_reading_is_compared_once(bpy, updates, link, monke
     def touching(link, context, before=None, real=updates.link_meshes.read_facets):
         looks.append(link.name)
         assert len(looks) < 9, "endless comparison"
-        updates._possibly_changed.add(link.name)
+        state_of(link).is_touched = True
         return real(link, context, before)
 
     monkeypatch.setattr(updates.link_meshes, "read_facets", touching)
     link.location = (0.001, 0, 0)
     bpy.context.view_layer.update()
-    updates._check_possibly_changed()
+    updates._compare_touched(list(updates.session.links()))
     assert looks == ["arm"] and link.skin_calib.result.outdated
 
 

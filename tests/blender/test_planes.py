@@ -108,11 +108,11 @@ def test_first_plane_is_at_the_cursor(bpy, link):
         bpy.ops.skin_calib.plane_remove(family="u", index=4)
 
 
-def test_wrong_planes_are_reported_while_they_are_placed(bpy, placed, updates):
+def test_wrong_planes_are_reported_while_they_are_placed(bpy, placed, updates, state_of):
     """A plane can miss the mesh, be in the wrong order, or have no normal; a cut can remove all or nothing."""
     grid = placed.skin_calib.grid
     look(updates)
-    sketch = updates.sketches[placed.name]
+    sketch = state_of(placed).sketch
     assert not sketch.wrong and {("U", 4), ("V", 5)} < sketch.arms.keys()
     grid.u[4].point[2] += 1
     grid.v[0].normal = (0, 0, 0)
@@ -122,21 +122,21 @@ def test_wrong_planes_are_reported_while_they_are_placed(bpy, placed, updates):
         cut = placed.skin_calib.cover.cuts[-1]
         cut.point, cut.normal = point, normal
     look(updates)
-    wrong = updates.sketches[placed.name].wrong
+    wrong = state_of(placed).sketch.wrong
     assert wrong["U", 4].startswith("misses the mesh; distance 9") and wrong["V", 0] == "has a normal of length zero"
     assert wrong["U", 2] == "is not beyond u-plane 1"
     assert wrong["CUT", 0] == "removes the complete mesh. Flip its normal"
     assert wrong["CUT", 1].startswith("removes nothing; distance 1")
 
 
-def test_planes_of_a_partial_section_are_in_order_as_in_the_fit(bpy, link, updates):
+def test_planes_of_a_partial_section_are_in_order_as_in_the_fit(bpy, link, updates, state_of):
     """Where a cut removes a part of a section, its middle moves to the side; planes that the fit takes are not red."""
     bpy.ops.skin_calib.cut_add()
     cut = link.skin_calib.cover.cuts[-1]
     cut.point, cut.normal = (0, 0, 0.06), (0, 0, 1)
     bpy.ops.skin_calib.planes_place()
     look(updates)
-    assert updates.sketches[link.name].wrong == {}
+    assert state_of(link).sketch.wrong == {}
     assert bpy.ops.skin_calib.fit() == {"FINISHED"}
 
 
@@ -154,18 +154,18 @@ def test_face_of_a_closed_mesh_keeps_its_grid(bpy, plan_file, tmp_path):
     assert plan.grid.kind == "across" and not plan.grid.u and not plan.result.outdated
 
 
-def test_only_planes_that_move_are_cut_again(bpy, placed, updates, monkeypatch):
+def test_only_planes_that_move_are_cut_again(bpy, placed, updates, monkeypatch, state_of):
     """A moved plane is cut, the others and the cover are kept; a moved cut changes all of them."""
     module = importlib.import_module(updates.__name__.replace("updates", "sketch"))
     cut, grid = [], placed.skin_calib.grid
     monkeypatch.setattr(module, "cut_sections", lambda m, p, real=module.cut_sections: cut.append(len(p)) or real(m, p))
     look(updates)
-    expected, before = (len(grid.u), len(grid.v)), updates.sketches[placed.name]
+    expected, before = (len(grid.u), len(grid.v)), state_of(placed).sketch
     assert cut == [*expected]
     cut.clear()
     grid.u[2].point[2] += 0.001
     look(updates)
-    after = updates.sketches[placed.name]
+    after = state_of(placed).sketch
     assert cut == [1]
     assert after.centres["U", 2][2] - before.centres["U", 2][2] > 5e-4
     assert all((after.centres[key] == before.centres[key]).all() for key in before.centres if key != ("U", 2))
@@ -176,17 +176,17 @@ def test_only_planes_that_move_are_cut_again(bpy, placed, updates, monkeypatch):
     assert cut == [1, *expected]
 
 
-def test_cut_shows_the_removed_part(bpy, addon, updates, link):
+def test_cut_shows_the_removed_part(bpy, addon, updates, link, state_of):
     """Red triangles are on the far side of the plane only."""
     bpy.ops.skin_calib.cut_add()
     cut = link.skin_calib.cover.cuts[0]
     cut.point, cut.normal = (0, 0, 0.06), (0, 0, -1)
     look(updates)
-    removed = next(a for a in addon.drawing.additional["planes"][link.name] if a.colours is not None)
+    removed = next(a for a in state_of(link).sketch.layers if a.colours is not None)
     assert removed.points[:, 2].min() > 0.06 - 1e-6 and removed.points[:, 2].max() > 0.09
     bpy.ops.skin_calib.cut_remove(index=0)
     look(updates)
-    assert link.name not in addon.drawing.additional["planes"]
+    assert state_of(link).sketch is None
 
 
 def test_axis_goes_through_two_sections(bpy, link):

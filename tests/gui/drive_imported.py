@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from buttons import press
 from mathutils import Vector
-from sample import follow, hover_view, open_steps, ours, plan, red, run, undo
+from sample import follow, hover_view, open_steps, ours, plan, red, run, state, undo
 
 TURN, SHIFT = np.array([[0, -1, 0], [0.6, 0, -0.8], [0.8, 0, 0.6]]), np.array([0.25, -0.125, 0.5])
 
@@ -53,11 +53,10 @@ def chooses_the_file(gui, path):
 def reports_the_frame(gui):
     """Live reports why the taxels cannot be placed, and continues when they can."""
     yield from follow(gui)
-    reports = ours("live.updates").reports
-    yield from gui.wait(lambda: any("off the mesh" in t.problem for t in reports.values()), 60, "the refusal")
+    yield from gui.wait(lambda: state().report and "off the mesh" in state().report.problem, 60, "the refusal")
     yield from hover_view(gui)
     yield from gui.redraw(3)
-    assert all("press Find Frame" in t.problem and "{" not in t.problem for t in reports.values())
+    assert "press Find Frame" in state().report.problem and "{" not in state().report.problem
     yield from gui.shot("refused.png")
 
 

@@ -1,18 +1,12 @@
 """Drives a plan by the mouse with Live on: surface and skin change during a drag, and after undo."""
 
-import bpy
 from buttons import find, press
-from sample import open_steps, ours, plan, run, undo
-
-
-def overlay():
-    """Return the extension's overlay, with the drawn layers."""
-    return ours("overlay.drawing")
+from sample import open_steps, ours, plan, run, state, undo
 
 
 def points_drawn():
     """Return the number of points of each layer of the preview."""
-    return {layer.what: len(layer.points) for layer in overlay().previews[bpy.context.object.name]}
+    return {layer.what: len(layer.points) for layer in state().layers}
 
 
 def drive(gui):
@@ -32,7 +26,7 @@ def follows_a_drag(gui):
     ours("live.updates").FIT_DELAY = 60.0  # a software renderer rests between two moves
     x, y = yield from find(gui, "skin_calib.grid.n")
     yield from gui.drag((x, y), (x + 30, y), mods=(), release=False)
-    yield from gui.wait(lambda: bpy.context.object.name in overlay().previews, 20, "a preview under the drag")
+    yield from gui.wait(lambda: state().layers, 20, "a preview under the drag")
     assert plan().grid.n != was and plan().result.key == before and plan().result.outdated
     yield from gui.redraw()
     yield from gui.shot("dragged.png")
@@ -40,7 +34,7 @@ def follows_a_drag(gui):
     yield from gui.release()
     ours("live.updates").FIT_DELAY = 0.4
     yield from gui.wait(lambda: plan().result.key != before, 30, "the result after the rest")
-    assert not plan().result.outdated and not overlay().previews
+    assert not plan().result.outdated and not state().layers
     yield from gui.shot("rested.png")
 
 

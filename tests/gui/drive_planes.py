@@ -5,7 +5,7 @@ from math import pi, radians, sin
 import bpy
 from buttons import press
 from mathutils import Vector
-from sample import follow, hover_view, link, open_steps, ours, plan, undo
+from sample import follow, hover_view, link, open_steps, ours, plan, state, undo
 
 RING = 79  # [pixels] radius of a dial
 
@@ -14,14 +14,14 @@ def handle(family, i):
     """Return the position of a plane's handle in the world, which is the sample's frame."""
     planes = getattr(plan().grid, family)
     metre = ours("scene.units").metres_per_unit(bpy.context.scene)
-    return Vector(planes[i].point) + Vector(ours("live.updates").sketches[link().name].arms[family.upper(), i]) / metre
+    return Vector(planes[i].point) + Vector(state().sketch.arms[family.upper(), i]) / metre
 
 
 def drive(gui):
     yield from gui.tab("Skin")
     yield from open_steps(gui)
     yield from press(gui, "skin_calib.planes_place")
-    yield from gui.wait(lambda: link().name in ours("live.updates").sketches, 20, "the sketch")
+    yield from gui.wait(lambda: state().sketch, 20, "the sketch")
     yield from gui.redraw(3)
     yield from moves_a_plane(gui)
     yield from tilts_a_plane(gui)
@@ -75,22 +75,22 @@ def reports_a_plane_that_misses(gui):
     """A plane off the link becomes red with a message; the fit is refused; Ctrl-Z restores it."""
     x, y = gui.at(handle("u", 9))
     yield from gui.drag((x, y), (x, y + 120), mods=())
-    yield from gui.wait(lambda: ("U", 9) in ours("live.updates").sketches[link().name].wrong, 20, "the missing plane")
+    yield from gui.wait(lambda: ("U", 9) in state().sketch.wrong, 20, "the missing plane")
     yield from gui.redraw(3)
     yield from gui.shot("missed.png")
-    assert ours("live.updates").sketches[link().name].wrong["U", 9].startswith("misses the mesh; distance ")
+    assert state().sketch.wrong["U", 9].startswith("misses the mesh; distance ")
     yield from undo(gui)
-    yield from gui.wait(lambda: not ours("live.updates").sketches[link().name].wrong, 20, "the plane to be back")
+    yield from gui.wait(lambda: not state().sketch.wrong, 20, "the plane to be back")
 
 
 def reports_a_plane_out_of_order(gui):
     """A plane is dragged beyond the next one, which is then reported."""
     x, y = gui.at(handle("u", 4))
     yield from gui.drag((x, y), (x, y + 45), mods=())
-    yield from gui.wait(lambda: ours("live.updates").sketches[link().name].wrong, 20, "the message about the order")
-    assert ours("live.updates").sketches[link().name].wrong == {("U", 5): "is not beyond u-plane 4"}
+    yield from gui.wait(lambda: state().sketch.wrong, 20, "the message about the order")
+    assert state().sketch.wrong == {("U", 5): "is not beyond u-plane 4"}
     yield from undo(gui)
-    yield from gui.wait(lambda: not ours("live.updates").sketches[link().name].wrong, 20, "the plane to be back")
+    yield from gui.wait(lambda: not state().sketch.wrong, 20, "the plane to be back")
 
 
 def adds_and_removes(gui):
@@ -118,10 +118,10 @@ def follows_live(gui):
     ours("live.updates").FIT_DELAY = 60.0  # a software renderer rests between two moves
     x, y = gui.at(handle("u", 6))
     yield from gui.drag((x, y), (x, y + 15), mods=(), release=False)
-    yield from gui.wait(lambda: link().name in ours("overlay.drawing").previews, 20, "a preview under the drag")
+    yield from gui.wait(lambda: state().layers, 20, "a preview under the drag")
     yield from gui.redraw()
     yield from gui.shot("followed.png")
-    print("preview", ours("live.updates").reports[link().name])
+    print("preview", state().report)
     yield from gui.release()
     ours("live.updates").FIT_DELAY = 0.4
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after the rest")
@@ -137,7 +137,7 @@ def undoes_everything(gui):
     assert plan().grid.kind == "tube" and not len(plan().grid.u) and not plan().live
     yield from gui.redraw(3)
     yield from gui.shot("back.png")
-    assert not ours("live.updates").sketches
+    assert state().sketch is None
 
 
 def works_with_the_tool(gui):
@@ -151,7 +151,7 @@ def works_with_the_tool(gui):
     box = [Vector(corner) for corner in link().bound_box]
     x, y = gui.at(link().matrix_world @ (sum(box, Vector()) / 8))
     yield from gui.click(x, y)
-    yield from gui.wait(lambda: link().name in ours("live.updates").sketches, 20, "the sketch")
+    yield from gui.wait(lambda: state().sketch, 20, "the sketch")
     yield from gui.redraw(3)
     counts = [(len(plan().grid.u), len(plan().grid.v))]
     assert plan().grid.kind == "planes" and counts[0][0] == 11, counts

@@ -2,7 +2,7 @@
 
 import bpy
 from mathutils import Vector
-from sample import follow, link, open_steps, ours, plan, run, undo
+from sample import follow, open_steps, ours, plan, run, state, undo
 
 
 def basis(what, skin=0, index=0):
@@ -37,7 +37,7 @@ def slides_the_origin(gui):
     goal = start[0] - 40, start[1] + 15
     ours("live.updates").FIT_DELAY = 60.0  # a software renderer rests between two moves
     yield from gui.drag(start, goal, mods=(), release=False)
-    yield from gui.wait(lambda: link().name in ours("overlay.drawing").previews, 20, "a preview under the drag")
+    yield from gui.wait(lambda: state().layers, 20, "a preview under the drag")
     yield from gui.redraw(3)
     yield from gui.shot("slid.png")
     yield from gui.release()

@@ -18,6 +18,11 @@ def link():
     return next(o for o in bpy.context.scene.objects if o.name.startswith("sample_"))
 
 
+def state():
+    """Return what the window knows of the active link."""
+    return ours("session").session.of(link())
+
+
 def plan():
     """Return the plan of the sample."""
     return link().skin_calib

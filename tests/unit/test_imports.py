@@ -43,7 +43,7 @@ MAY_IMPORT = {
 ORDER = {
     "geometry": ("mesh", "surface", "sampling", "grid", "fit"),
     "skin": ("sheet", "boards"),
-    "blender": ("scene", "overlay", "live", "inspection", "handles", "properties"),
+    "blender": ("scene", "overlay", "inspection", "live", "handles", "properties"),
 }
 LIBRARIES = {
     "geometry": {"numpy", "scipy", "trimesh", "collada", "threadpoolctl"},

@@ -10,11 +10,11 @@ from typing import Any
 import bpy
 from mathutils import Matrix, Quaternion, Vector
 
-from ..live import updates
 from ..live.sketch import COLOURS, FAMILIES, MISSED
 from ..scene.link_meshes import link_frame
 from ..scene.link_objects import why_no_link
 from ..scene.units import metres_per_unit
+from ..session import session
 
 DIAL_COLOURS = ((0.9, 0.3, 0.3), (0.3, 0.5, 1.0))
 
@@ -98,7 +98,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
     def draw_arrow(self, context, arrow, plan, family, i):
         """Place an arrow at the border of the plane's section; it is a box if the plane is not selected."""
         plane, metre = listed(plan, family)[i], metres_per_unit(context.scene)
-        sketch = updates.sketches.get(context.object.name)
+        sketch = session.of(context.object).sketch
         arm = sketch.arms.get((family, i), (0, 0, 0)) if sketch else (0, 0, 0)
         is_wrong = sketch is not None and (family, i) in sketch.wrong
         is_chosen = chosen(plan) == (family, i)

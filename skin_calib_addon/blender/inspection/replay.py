@@ -6,7 +6,6 @@ and no property: for each property change Blender would evaluate the mesh of the
 another file, another fit, or the removal of the object.
 """
 
-from dataclasses import dataclass
 from itertools import count
 from time import perf_counter
 from typing import Any
@@ -19,10 +18,11 @@ from ...common.arrays import Array
 from ...common.errors import counted
 from ...inspection.replaying import Replay
 from ...runtime import Frame
-from ..live import events
+from .. import events
 from ..overlay import drawing
 from ..overlay.layers import Layer, heat_layer, replay_lines
 from ..overlay.scales import Legend
+from ..session import Playing, session
 from .taxels import result_of
 
 # Stored recordings. Larger: more memory; smaller: undo does not show older ones again.
@@ -30,18 +30,8 @@ MAX_RECORDINGS = 4
 TIMER_INTERVAL = 1 / 60  # [s] between two calls of the timer. Larger: playback is less smooth
 
 
-@dataclass
-class Playing:
-    """Start of the playback in the recording, its time, and the displayed frame."""
-
-    seconds: float
-    clock: float
-    frame: int
-
-
 messages: dict[str, tuple[str, ...]] = {}  # lines of the panel for the displayed frame, by token
 _replays: dict[str, Replay] = {}  # by token
-_playing: dict[str, Playing] = {}  # by the object's name
 _count = count()
 
 
@@ -114,7 +104,7 @@ def _message_lines(replay: Replay, frame: Any) -> Any:
 
 def frame_of(record: Any) -> int:
     """Return the displayed frame."""
-    playing = _playing.get(record.id_data.name)
+    playing = session.of(record.id_data).playing
     return playing.frame if playing else record.chosen
 
 
@@ -123,20 +113,20 @@ def choose(record: Any, frame: int) -> None:
     link = record.id_data
     replay = find(link)
     record.chosen = frame if replay is None else min(frame, len(replay) - 1)
-    if link.name in _playing:
+    if is_playing(link):
         _begin(link, record.chosen)
     show(link)
 
 
 def paced(record: Any, _context: Any) -> None:
     """Continue playback at another speed."""
-    if record.id_data.name in _playing:
+    if is_playing(record.id_data):
         _begin(record.id_data, frame_of(record))
 
 
 def is_playing(link: bpy.types.Object) -> bool:
     """Return whether the recording of an object is playing."""
-    return link.name in _playing
+    return session.of(link).playing is not None
 
 
 def play(link: bpy.types.Object) -> None:
@@ -152,23 +142,24 @@ def play(link: bpy.types.Object) -> None:
 def _begin(link: bpy.types.Object, frame: int) -> None:
     replay = find(link)
     if replay is not None:
-        _playing[link.name] = Playing(float(replay.seconds[frame]), perf_counter(), frame)
+        session.of(link).playing = Playing(float(replay.seconds[frame]), perf_counter(), frame)
 
 
 def stop(link: bpy.types.Object) -> None:
     """Stop playback at the displayed frame."""
-    playing = _playing.pop(link.name, None)
-    if playing:
-        link.skin_calib.inspect.replay.chosen = playing.frame
+    state = session.of(link)
+    if state.playing:
+        link.skin_calib.inspect.replay.chosen, state.playing = state.playing.frame, None
 
 
 def tick() -> float | None:
     """Show the next frames; return the seconds to the next call, None if nothing is playing."""
-    for name, playing in list(_playing.items()):
-        link = bpy.data.objects.get(name)
-        replay = find(link) if link else None
-        if link is None or replay is None:
-            del _playing[name]
+    for link, state in session.links():
+        playing, replay = state.playing, find(link)
+        if playing is None:
+            continue
+        if replay is None:
+            state.playing = None
             continue
         record = link.skin_calib.inspect.replay
         seconds = playing.seconds + (perf_counter() - playing.clock) * record.speed
@@ -179,9 +170,10 @@ def tick() -> float | None:
             show(link)
         if is_over:
             stop(link)
-    if not _playing:
-        drawing.redraw()  # for the button
-    return TIMER_INTERVAL if _playing else None
+    if any(state.playing for state in session.states.values()):
+        return TIMER_INTERVAL
+    drawing.redraw()  # for the button
+    return None
 
 
 def _forget(token: str) -> None:
@@ -191,8 +183,7 @@ def _forget(token: str) -> None:
 
 @persistent
 def _undone(*_: Any) -> None:
-    """Stop playback after undo or redo, and draw the restored frame."""
-    _playing.clear()
+    """Draw the restored frame after undo or redo, which stop playback."""
     for link in bpy.data.objects:
         if link.skin_calib.inspect.replay.token:
             show(link)
@@ -201,7 +192,6 @@ def _undone(*_: Any) -> None:
 @persistent
 def _opened(*_: Any) -> None:
     """Remove all recordings after another file was opened."""
-    _playing.clear()
     _replays.clear()
     messages.clear()
 

@@ -16,7 +16,7 @@ from mathutils import Matrix
 from ...common.arrays import Array
 from ...geometry.mesh.closest import distance_to
 from ...pipeline import Calibrated
-from ..live import events
+from .. import events
 from ..scene.link_meshes import link_frame
 from ..scene.units import metres_per_unit
 from . import replay

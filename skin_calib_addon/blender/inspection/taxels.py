@@ -11,7 +11,6 @@ import numpy as np
 from ...common.errors import SkinCalibError, UnknownTaxel
 from ...inspection.all_taxels import AllTaxels
 from ...pipeline import Calibrated
-from ..live import updates
 from ..overlay import drawing
 from ..overlay.layers import mark_of
 from ..scene import results
@@ -87,13 +86,3 @@ def taxel_on_ray(link: bpy.types.Object, context: bpy.types.Context, start: Any,
             farthest = ((met - eye).length + taxels.width / metre) / ahead.length
     row = taxels.under(metre * np.array(eye), metre * np.array(ahead), farthest)
     return None if row is None else taxels.ids[row]
-
-
-def register() -> None:
-    """Follow the fits of Live."""
-    updates.after_fit.append(read_again)
-
-
-def unregister() -> None:
-    """Stop following."""
-    updates.after_fit.remove(read_again)

@@ -12,12 +12,12 @@ from ...common.warnings import Warning
 from ...plan.document import grid_kind
 from ..scene.plans import other_surface, shown_index, surface_names
 from ..scene.warnings import read_warning
+from ..session import session
 from . import updates
 
 Properties = dict[str, Any] | None  # of an operator; None: it does not apply
-# Uid of a link, plan or key of the fit that has the warning, code and place of the warning, and change.
-Vain = tuple[int, str, str, tuple[float, ...] | None, str]
-_vain: set[Vain] = set()  # changes that were tried, and did not help
+# Plan or key of the fit that has the warning, code and place of the warning, and change.
+Trial = tuple[str, str, tuple[float, ...] | None, str]
 REFUSAL = -1  # index of the refusal of the last fit, among the warnings of the result
 
 
@@ -205,22 +205,22 @@ def offered(warning: Warning, plan: Any, metre: float) -> Iterator[tuple[Action,
     on = Subject.of(warning, plan)
     for action in actions if isinstance(actions, tuple) else ():
         properties = action.properties(warning, on, metre)
-        if properties is not None and _trial(plan.id_data, warning, action) not in _vain:
+        if properties is not None and _trial(plan.id_data, warning, action) not in session.of(plan.id_data).in_vain:
             yield action, properties
 
 
 def give_up(link: bpy.types.Object, warning: Warning, action: Action) -> None:
     """Do not offer an action for a warning any more: it was tried, and does not help."""
-    _vain.add(_trial(link, warning, action))
+    session.of(link).in_vain.add(_trial(link, warning, action))
 
 
-def _trial(link: bpy.types.Object, warning: Warning, action: Action) -> Vain:
-    return link.session_uid, updates.of_warnings(link), warning.code, warning.where.point, action.change
+def _trial(link: bpy.types.Object, warning: Warning, action: Action) -> Trial:
+    return updates.of_warnings(link), warning.code, warning.where.point, action.change
 
 
 def shown_warnings(link: bpy.types.Object) -> list[Warning]:
     """Return what the state of a link shows: the refusal of its last fit, or the warnings of its result."""
-    report = updates.reports.get(link.name)
+    report = session.of(link).report
     if report and report.refusal:
         return [report.refusal]
     return [read_warning(record) for record in link.skin_calib.result.warnings]
@@ -234,7 +234,7 @@ def mark_of(warning: Warning) -> str:
 def warning_at(link: bpy.types.Object, index: int) -> Warning | None:
     """Return the refusal of a link's last fit, or a warning of its result."""
     if index == REFUSAL:
-        report = updates.reports.get(link.name)
+        report = session.of(link).report
         return report.refusal if report else None
     records = link.skin_calib.result.warnings
     return read_warning(records[index]) if index < len(records) else None

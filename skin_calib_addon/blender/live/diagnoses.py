@@ -7,7 +7,7 @@ verified; if not, the result is outdated. What is unverified is not stored in th
 wrong.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -18,13 +18,14 @@ from bpy.app.handlers import persistent
 from ...common.errors import InvalidMesh, SkinCalibError, counted
 from ...common.warnings import Warning
 from ...geometry.mesh.defects import Diagnosis, diagnose
+from .. import events
 from ..overlay import drawing
 from ..scene import link_meshes, link_objects, plans, results
 from ..scene.face_groups import empty_groups
-from ..scene.facets import Facets
 from ..scene.units import metres_per_unit
 from ..scene.warnings import refusal_of, write_warnings
-from . import events, updates
+from ..session import session
+from . import updates
 from .background import Work
 
 # [s] Time without a change after which a mesh is compared with the one before. Larger: a note, or the tick of a fit,
@@ -33,12 +34,6 @@ CHECK_DELAY = 0.3
 # [s] Time for which the window waits for the hashes of meshes. Larger: the window freezes longer; smaller: the note
 # stays longer for meshes of medium size.
 HASH_WAIT = 0.2
-
-unverified: set[str] = set()  # names of objects whose mesh may differ from the diagnosed one
-_hashes: dict[str, Work] = {}  # of the meshes that are compared now
-_facets: dict[str, Facets] = {}  # of the last comparison of each object: only other ones need another hash
-_changed: dict[str, float] = {}  # objects to be compared, and the time of their change
-_metres: dict[str, float] = {}  # length of a unit of each scene at its last update [m], by the scene's name
 
 
 def examination(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., Diagnosis]:
@@ -92,9 +87,8 @@ def store(link: bpy.types.Object, found: Diagnosis, foreseen: Warning) -> None:
     record.key, record.inner, record.edges = found.mesh.sha256, found.inner, len(found.edges())
     write_warnings(record.findings, (*found.findings(), foreseen))
     record.outdated = False
-    unverified.discard(link.name)
-    _changed.pop(link.name, None)
-    _hashes.pop(link.name, None)
+    state = session.of(link)
+    state.is_unverified, state.touched_at, state.hashing = False, None, None
 
 
 def verify() -> float | None:
@@ -103,48 +97,42 @@ def verify() -> float | None:
     Return the seconds to the next call, None if none are left.
     """
     begin = perf_counter()
-    for name, since in list(_changed.items()):
-        link = bpy.data.objects.get(name)
-        was_drawn = _drawn(name)
-        if link is None or not _is_compared(link):
-            unverified.discard(name)
-        elif perf_counter() - since < CHECK_DELAY:
+    for link, state in session.links():
+        if state.touched_at is None:
+            continue
+        drawn = state.is_unverified, results.is_current(link)
+        if not _is_compared(link):
+            state.is_unverified = False
+        elif perf_counter() - state.touched_at < CHECK_DELAY:
             continue
         else:
-            if name not in _hashes:
-                _hashes[name] = Work(_hash_of(link))
-                _hashes[name].is_done(max(0.0, begin + HASH_WAIT - perf_counter()))
-            if not _hashes[name].is_done():
+            if state.hashing is None:
+                state.hashing = Work(_hash_of(link))
+                state.hashing.is_done(max(0.0, begin + HASH_WAIT - perf_counter()))
+            if not state.hashing.is_done():
                 continue
-            _use_hash(link, _hashes[name].result())
-        _hashes.pop(name, None)
-        _changed.pop(name)
-        if _drawn(name) != was_drawn:
+            _use_hash(link, state.hashing.result())
+        state.hashing = state.touched_at = None
+        if (state.is_unverified, results.is_current(link)) != drawn:
             drawing.redraw()
-    return CHECK_DELAY if _changed else None
-
-
-def _drawn(name: str) -> tuple[bool, bool]:
-    """Return what panels and view show of the comparison of an object."""
-    link = bpy.data.objects.get(name)
-    return name in unverified, link is not None and results.is_current(link)
+    return CHECK_DELAY if any(state.touched_at is not None for state in session.states.values()) else None
 
 
 def _hash_of(link: bpy.types.Object) -> Callable[..., str]:
     """Return what computes the hash of the mesh of a link without Blender; empty if the mesh is invalid."""
+    state = session.of(link)
     try:
         with link_objects.in_scene(link):
-            facets = link_meshes.read_facets(link, bpy.context, _facets.get(link.name))
+            facets = state.compared = link_meshes.read_facets(link, bpy.context, state.compared)
     except SkinCalibError:
         return lambda begin: ""
-    _facets[link.name] = facets
     return lambda begin: facets.sha256
 
 
 def _use_hash(link: bpy.types.Object, sha256: str) -> None:
     """Compare the mesh of a link, given by its hash, with those of its diagnosis and its fit."""
     if sha256 == link.skin_calib.diagnosis.key:
-        unverified.discard(link.name)
+        session.of(link).is_unverified = False
     with link_objects.in_scene(link):
         if not link_objects.why_not(link) and link.visible_get():  # others are read differently, or not at all
             results.verify(link, bpy.context.scene, sha256)
@@ -155,48 +143,60 @@ def _is_compared(link: bpy.types.Object) -> bool:
     return bool(link.skin_calib.diagnosis.key) or results.is_current(link)
 
 
-def _mark_unverified(link: bpy.types.Object) -> None:
+def touched(link: bpy.types.Object) -> None:
     """Mark the diagnosis and the result of an object, because its mesh may have changed."""
     if not _is_compared(link):
         return
+    state = session.of(link)
     if link.skin_calib.diagnosis.key:
-        unverified.add(link.name)
-    _hashes.pop(link.name, None)
-    _changed[link.name] = perf_counter()
+        state.is_unverified = True
+    state.hashing, state.touched_at = None, perf_counter()
     if not bpy.app.background:  # without a window timers do not run, but the exit waits for them
         events.wake(verify, CHECK_DELAY)
 
 
-@persistent
-def _updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Mark the objects whose mesh or position Blender has evaluated again; with another unit of the scene, all."""
+def _evaluated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Iterator[bpy.types.Object]:
+    """Yield the objects whose mesh or position Blender has evaluated again; with another unit of the scene, all."""
     metre = metres_per_unit(scene)
-    if metre != _metres.get(scene.name):
-        _metres[scene.name] = metre
-        for link in scene.objects:
-            _mark_unverified(link)
-            updates.possibly_changed(link)
+    if session.metres.get(scene.session_uid) != metre:
+        session.metres[scene.session_uid] = metre
+        yield from scene.objects
     for update in depsgraph.updates:
         if isinstance(update.id, bpy.types.Object) and (update.is_updated_geometry or update.is_updated_transform):
-            _mark_unverified(update.id.original)
+            yield update.id.original
+
+
+@persistent
+def _updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Compare the meshes that may have changed."""
+    for link in _evaluated(scene, depsgraph):
+        touched(link)
+        updates.touched(link)
+
+
+@persistent
+def _frame_changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Compare the meshes of an animation, which updates objects without the other event, once it stands still.
+
+    Meshes of links with Live on are also read while frames are played.
+    """
+    for link in _evaluated(scene, depsgraph):
+        touched(link)
+        if link.skin_calib.live:
+            updates.touched(link)
 
 
 @persistent
 def _scene_replaced(*_: Any) -> None:
     """Compare every diagnosis and every result after undo, redo, or the opening of a file."""
-    for of_names in (unverified, _changed, _hashes):
-        of_names.clear()
-    _metres.clear()
-    _metres.update((scene.name, metres_per_unit(scene)) for scene in bpy.data.scenes)
-    for name in _facets.keys() - bpy.data.objects.keys():
-        del _facets[name]
+    session.metres.update((scene.session_uid, metres_per_unit(scene)) for scene in bpy.data.scenes)
     for link in bpy.data.objects:
-        _mark_unverified(link)
+        touched(link)
 
 
 HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced) | {
     "depsgraph_update_post": _updated,
-    "frame_change_post": _updated,  # an animation updates objects without the other event
+    "frame_change_post": _frame_changed,
 }
 
 
@@ -208,5 +208,3 @@ def register() -> None:
 def unregister() -> None:
     """Stop listening."""
     events.ignore(HANDLERS, (verify,))
-    for of_names in (unverified, _changed, _hashes, _facets, _metres):
-        of_names.clear()

@@ -15,6 +15,7 @@ from ..scene import results
 from ..scene.link_meshes import link_frame
 from ..scene.preferences import COLOURS, preferences
 from ..scene.units import metres_per_unit
+from ..session import session
 from . import labels, legend
 from .layers import Labels, Layer, Layers, layers_of
 
@@ -33,12 +34,6 @@ SWITCHABLE = (
 )  # drawn only if they are switched on
 MAX_CACHED_LAYERS = 64  # marks and comparisons; smaller: undo over many steps does not show them again
 
-Drawn = Layers | tuple[Layer, ...]
-
-# Layers drawn in area of an object's result while its plan changes, by the object's name.
-previews: dict[str, Drawn] = {}
-# Additional layers: by source, then by the object's name.
-additional: dict[str, dict[str, tuple[Layer, ...]]] = {}
 _handles: list[Any] = []
 _prepared: dict[str, Layers] = {}
 _cached: dict[str, tuple[Layer, ...]] = {}
@@ -61,39 +56,25 @@ def cache(token: str, layers: tuple[Layer, ...]) -> None:
         del _cached[next(iter(_cached))]
 
 
-def set_layers(source: str, name: str, layers: tuple[Layer, ...]) -> None:
-    """Draw layers of an object in addition to its result; they replace earlier ones of the same source."""
-    additional.setdefault(source, {})[name] = layers
-
-
-def remove_layers(source: str, name: str | None = None) -> None:
-    """Remove the layers of a source, for one object or for all."""
-    if name is None:
-        additional.pop(source, None)
-    else:
-        additional.get(source, {}).pop(name, None)
-
-
 def shown_layers(link: Any) -> Iterator[Layer]:
     """Yield what is drawn of an object now, the lowest layer first."""
-    plan, shown = link.skin_calib, switched_on(link)
+    plan, sketch, shown = link.skin_calib, session.of(link).sketch, switched_on(link)
     cached = [layer for token in plan.inspect.tokens() for layer in _chosen(_cached.get(token, ()), shown)]
     yield from (layer for layer in cached if layer.what in HEAT_MAPS)  # lines are drawn over colours
-    yield from _chosen(previews.get(link.name) or _prepared.get(plan.result.key, ()), shown)
-    for source in additional.values():
-        yield from _chosen(source.get(link.name, ()), shown)
+    drawn = layers_now(link)
+    yield from drawn.shown(shown) if drawn else ()
+    yield from _chosen(sketch.layers if sketch else (), shown)
     yield from (layer for layer in cached if layer.what not in HEAT_MAPS)
 
 
 def is_of_last_fit(link: Any) -> bool:
     """Return whether what is drawn of an object is of its last fit, before a change of plan or mesh."""
-    return link.skin_calib.result.outdated and link.name not in previews
+    return link.skin_calib.result.outdated and session.of(link).layers is None
 
 
 def layers_now(link: Any) -> Layers | None:
-    """Return the layers of the skins that are drawn of an object now; None before the first fit."""
-    drawn = previews.get(link.name) or _prepared.get(link.skin_calib.result.key)
-    return drawn if isinstance(drawn, Layers) else None
+    """Return the layers of preview or fit that are drawn of an object now; None before the first fit."""
+    return session.of(link).layers or _prepared.get(link.skin_calib.result.key)
 
 
 def patches_of(link: Any) -> Sequence[Patch]:
@@ -111,9 +92,7 @@ def switched_on(link: Any) -> set[str]:
     return plan.layers | {plan.inspect.heat} | labels | force_layers | disabled
 
 
-def _chosen(layers: Layers | Iterable[Layer], shown: set[str]) -> Iterator[Layer]:
-    if isinstance(layers, Layers):
-        return layers.shown(shown)
+def _chosen(layers: Iterable[Layer], shown: set[str]) -> Iterator[Layer]:
     return (layer for layer in layers if layer.what in shown or layer.what not in SWITCHABLE)
 
 
@@ -156,7 +135,7 @@ def _write() -> None:
             name += ": last fit, before the change"
         for layer in layers:
             if isinstance(layer, Labels):
-                labels.write(link.name, layer, settings, link_frame(link) @ unit)
+                labels.write(link.session_uid, layer, settings, link_frame(link) @ unit)
             if layer.legend:
                 area.draw(layer.legend, name)
 
@@ -231,7 +210,7 @@ def unregister() -> None:
     """Stop drawing, and remove all arrays."""
     while _handles:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
-    for cached in (_prepared, _cached, previews, additional):
-        cached.clear()
+    _prepared.clear()
+    _cached.clear()
     labels.forget()
     legend.forget()

@@ -24,7 +24,7 @@ MAX_COLUMNS = 2**20  # Derived: more than the cells in a row of any region
 _stored: dict[Any, tuple[Any, list[tuple[str, float, float]]]] = {}
 
 
-def write(name: str, layer: Labels, settings: Any, frame: Any) -> None:
+def write(uid: int, layer: Labels, settings: Any, frame: Any) -> None:
     """Write the labels of an object's taxels in the region that Blender draws now."""
     context = bpy.context
     region, view = context.region, context.region_data
@@ -40,7 +40,7 @@ def write(name: str, layer: Labels, settings: Any, frame: Any) -> None:
         _flat(view.perspective_matrix),
         _flat(frame),
     )
-    where = (region.as_pointer(), name)
+    where = (region.as_pointer(), uid)
     if _stored.get(where, (None,))[0] != state:
         if len(_stored) > MAX_CACHED_LABELS:
             forget()

@@ -17,7 +17,6 @@ from bpy.props import (
 from ...plan import keys
 from ..live import updates
 from ..scene import preferences
-from . import diagnosis as link_properties
 from . import grid as grid_properties
 from . import inspect as inspect_properties
 from . import robot as robot_properties
@@ -119,7 +118,7 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
         name="Refusal", description="Why the last import, proposal or fit was refused; empty: it was not", **FIXED
     )
     diagnosis: PointerProperty(
-        type=link_properties.SKIN_PG_diagnosis, name="Diagnosis", description="The result of the last check of the mesh"
+        type=warning.SKIN_PG_diagnosis, name="Diagnosis", description="The result of the last check of the mesh"
     )
     cover: PointerProperty(
         type=grid_properties.SKIN_PG_cover, name="Cover", description="What of the mesh is covered with skin"
@@ -179,7 +178,6 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
 
 CLASSES = (
     *warning.CLASSES,
-    *link_properties.CLASSES,
     *grid_properties.CLASSES,
     *skin_properties.CLASSES,
     *inspect_properties.CLASSES,

@@ -1,14 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Warnings as properties; the members are those of `common.warnings.Warning`."""
+"""Warnings, and the result of the check of a mesh, as properties."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, StringProperty
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    StringProperty,
+)
 
 from .options import FIXED
 
 
 class SKIN_PG_warning(bpy.types.PropertyGroup):
-    """One thing to look at."""
+    """One thing to look at; the members are those of `common.warnings.Warning`."""
 
     code: StringProperty(name="Code", description="Stable name of the kind of warning", **FIXED)
     severity: EnumProperty(
@@ -31,4 +39,18 @@ class SKIN_PG_warning(bpy.types.PropertyGroup):
     surface: StringProperty(name="Surface", description="Name of the surface, of several", **FIXED)
 
 
-CLASSES = (SKIN_PG_warning,)
+class SKIN_PG_diagnosis(bpy.types.PropertyGroup):
+    """The result of the last check of the mesh."""
+
+    key: StringProperty(description="Key of the mesh that was checked; empty before the first check", **FIXED)
+    outdated: BoolProperty(name="Outdated", description="The plan was changed after the check", **FIXED)
+    findings: CollectionProperty(
+        type=SKIN_PG_warning, name="Findings", description="What the check of the mesh found", **FIXED
+    )
+    inner: IntProperty(
+        name="Inner Parts", description="Connected parts that are mostly within the convex hull of others", **FIXED
+    )
+    edges: IntProperty(name="Edges", description="Edges of holes, and edges with more than two faces", **FIXED)
+
+
+CLASSES = (SKIN_PG_warning, SKIN_PG_diagnosis)

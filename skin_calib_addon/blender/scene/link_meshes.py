@@ -45,8 +45,8 @@ def read_facets(link: bpy.types.Object, context: bpy.types.Context, before: Face
         polygons = np.empty(len(data.loop_triangles), np.int32)  # read thirty times faster than where polygons start
         data.loop_triangle_polygons.foreach_get("value", polygons)
         found = Facets(link.name, vertices, np.empty((0, 3), np.int32), placed, corners, polygons)
-        if before is not None and before.name == link.name and found.is_same(before):
-            return before
+        if before is not None and found.is_same(before):
+            return before if before.name == link.name else replace(before, name=link.name)
         faces = np.empty((len(data.loop_triangles), 3), np.int32)
         data.loop_triangles.foreach_get("vertices", faces.ravel())
     finally:
