@@ -56,7 +56,7 @@ def proposal(folder: Path, link: str, skin: str) -> Any:
 
 def described(found: Any, mesh: Any) -> Result:
     """Return what a proposal covers, and how far its cells are from the mesh; the cells are placed again."""
-    from skin_calib_addon.geometry.mesh.closest import MeshDistance
+    from skin_calib_addon.geometry.mesh.distance import closest
     from skin_calib_addon.pipeline import calibrate
 
     result: Result = {
@@ -71,13 +71,12 @@ def described(found: Any, mesh: Any) -> Result:
         np.concatenate([getattr(patch.taxels, name).reshape(-1, 3) for patch in patches])
         for name in ("positions_link", "normals_link", "corners_link")
     )
-    near = MeshDistance(mesh)
-    distances, faces, _ = near(positions)
+    distances, faces, _ = closest(mesh, positions)
     cosines = np.abs((mesh.face_normals[faces] * normals).sum(axis=1))
     return result | {
         "surfaces": len(found.plan.surfaces),
         "largest distance [mm]": np.array([1e3 * distances.max()]),
-        "largest distance of a corner [mm]": np.array([1e3 * near(corners)[0].max()]),
+        "largest distance of a corner [mm]": np.array([1e3 * closest(mesh, corners)[0].max()]),
         "largest angle [degrees]": np.rad2deg(np.arccos(np.clip([cosines.min()], -1, 1))),
         "positions [mm]": 1e3 * positions,
     }

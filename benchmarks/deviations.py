@@ -13,7 +13,6 @@ from skin_calib_addon.geometry.fit.diagnosis import FOLDED_AREA, DeviationLimits
 from skin_calib_addon.geometry.fit.fitting import fit_lines
 
 SIZES = ((10, 20), (20, 40))
-CHECK_SITES = 5  # per span and direction, for the mean distance
 
 
 def rows(path: Path) -> list[tuple[float, str]]:
@@ -29,7 +28,7 @@ def rows(path: Path) -> list[tuple[float, str]]:
         limit = DeviationLimits().warned
         distance, _ = maximum_deviation(cover, fit.lines, fit.basis, fit.samples, limit)
         folded = "folded" if fit.smallest_area < FOLDED_AREA else ""
-        mean = fit.distances(CHECK_SITES).mean
+        mean = fit.to_mesh.mean
         text = (
             f"{distance * 1e3:7.2f} mm ({distance / cover.size:5.1%} of the size), mean {mean * 1e3:7.3f} mm  {folded}"
         )

@@ -1,4 +1,4 @@
-"""Build the extension: one zip file for each platform, with SciPy and trimesh for Python 3.11 and 3.13.
+"""Build the extension: one zip file for each platform, with SciPy, trimesh and libigl for Python 3.11 and 3.13.
 
     python scripts/make_extension.py [--platform linux-x64 ...]
     python scripts/make_extension.py --platform linux-x64 --without-wheels
@@ -18,17 +18,17 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PIP_PLATFORMS = {
-    "linux-x64": "manylinux2014_x86_64",
-    "windows-x64": "win_amd64",
-    "macos-arm64": "macosx_12_0_arm64",
+    "linux-x64": ("manylinux2014_x86_64", "manylinux_2_28_x86_64"),
+    "windows-x64": ("win_amd64",),
+    "macos-arm64": ("macosx_12_0_arm64", "macosx_11_0_arm64"),
 }
 
 
 def wheels_for(platform):
     """Return the wheels of the manifest that one platform needs."""
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text())
-    end = PIP_PLATFORMS[platform]
-    return [Path(w).name for w in manifest["wheels"] if w.endswith((f"{end}.whl", "none-any.whl"))]
+    ends = (*(f"{name}.whl" for name in PIP_PLATFORMS[platform]), "none-any.whl")
+    return [Path(w).name for w in manifest["wheels"] if w.endswith(ends)]
 
 
 def download(platform):
@@ -50,7 +50,8 @@ def download(platform):
             folder,
         ]
         if tag.startswith("cp"):
-            words += ["--python-version", tag[2:], "--platform", PIP_PLATFORMS[platform]]
+            words += ["--python-version", tag[2:]]
+            words += [word for name in PIP_PLATFORMS[platform] for word in ("--platform", name)]
         subprocess.run([*words, f"{name}=={version}"], check=True)
 
 

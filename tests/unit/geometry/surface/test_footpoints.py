@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from skin_calib_addon.geometry import CoverSpec, TubeGrid, cut_cover, fit_surface, load_mesh, weld
 from skin_calib_addon.geometry.fit.fitting import fit_lines
-from skin_calib_addon.geometry.mesh.closest import split_faces
+from skin_calib_addon.geometry.mesh.face_parts import split_faces
 from skin_calib_addon.geometry.surface.footpoints import _second_derivatives, footpoints
 from tests.shapes import Z_AXIS, cylinder, plane_surface, wrist_surface
 
