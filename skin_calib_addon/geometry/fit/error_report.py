@@ -110,7 +110,7 @@ def surface_to_mesh(
         slopes = _sine(r[0, 0] - foot, unit(normals))[:, None] * np.stack((norms(r[1, 0]), norms(r[0, 1])), axis=1)
         return found, slopes, norms(normals)
 
-    def distances(_: IntArray, at: Array) -> tuple[Array, Array]:
+    def distances(face: IntArray, at: Array) -> tuple[Array, Array]:
         for axis in (0, 1):
             at[:, axis] = at[:, axis] % 1.0 if surface.closed[axis] else np.clip(at[:, axis], 0, 1)
         found, slopes = np.full(len(at), NOT_COUNTED), np.zeros((len(at), 2))

@@ -207,6 +207,20 @@ def test_distances_are_weighted_with_the_area_of_each_site(side):
     assert_allclose(stated.max, 0.001, rtol=1e-6)  # on the edge
 
 
+@pytest.mark.parametrize("side", [np.s_[1:3, 0], np.s_[3:5, -1], np.s_[0, 1:3], np.s_[-1, 2:4]])
+def test_largest_distance_at_an_edge_is_found(side):
+    """An edge that is raised in its middle, over one large face: no vertex is near the maximum."""
+    fit = fit_surface(sheet(lambda x, y: 0 * x, cells=(1, 1)), AcrossGrid(6, 5, (0, 0, 1), margin=0.004))
+    offsets = fit.offsets.copy()
+    offsets[side] += 0.001
+    fit = replace(fit, offsets=offsets, surface=surface_at(fit.lines, fit.basis, offsets))
+    t = np.linspace(0, 1, 20_001)
+    edges = [np.column_stack(pair) for x in (0 * t, 0 * t + 1) for pair in ((x, t), (t, x))]
+    highest = np.abs(fit.surface.points(np.concatenate(edges))[:, 2]).max()
+    assert_allclose(fit.to_mesh.max, highest, rtol=1e-5)
+    assert min(np.abs(fit.worst[0] - edge).min() for edge in (0, 1)) == 0
+
+
 def test_residuals_are_distances_along_the_sample_rays():
     """Rays from the origins through sites of the surface, cast on every face; measured before the last small step."""
     mesh = weld(*decimated())
