@@ -3,7 +3,8 @@
     python scripts/make_extension.py [--platform linux-x64 ...]
     python scripts/make_extension.py --platform linux-x64 --without-wheels
 
-The second zip is for the Blender of a Linux distribution, whose Python has SciPy and trimesh from the distribution.
+The second zip is for the Blender of a Linux distribution, whose Python has SciPy and trimesh from the distribution. It
+has the wheel of libigl for all Pythons from 3.12 on, because distributions lack it.
 Run it with the Python of the virtual environment: the builder is part of Blender's module.
 """
 
@@ -31,10 +32,10 @@ def wheels_for(platform):
     return [Path(w).name for w in manifest["wheels"] if w.endswith(ends)]
 
 
-def download(platform):
-    """Download the missing wheels by name and version, unmodified."""
+def download(wheels, platform):
+    """Download the missing ones of some wheels by name and version, unmodified."""
     folder = ROOT / "wheels"
-    for wheel in wheels_for(platform):
+    for wheel in wheels:
         if (folder / wheel).is_file():
             continue
         name, version, tag = wheel.split("-")[:3]
@@ -70,9 +71,8 @@ def build(platform, with_wheels=True):
     import shutil
     import tempfile
 
-    wheels = wheels_for(platform) if with_wheels else []
-    if wheels:
-        download(platform)
+    wheels = [wheel for wheel in wheels_for(platform) if with_wheels or "-abi3-" in wheel]
+    download(wheels, platform)
     with tempfile.TemporaryDirectory() as folder:
         tracked = subprocess.run(
             ["git", "ls-files", "--cached", "--others", "--exclude-standard"],

@@ -1,11 +1,13 @@
 """The exact distance from points to a triangle mesh: the search is that of libigl, the result is ours."""
 
+import sys
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from ...common.arrays import Array, IntArray, cross, norms
+from ...common.errors import SkinCalibError
 from .triangle_mesh import TriangleMesh
 
 # [1] height to length of a triangle below which only its sides are used, because its normal is only rounding.
@@ -36,7 +38,10 @@ def _tree_of(mesh: TriangleMesh) -> tuple[Any, IntArray]:
         try:
             import igl  # here: it takes time, and many commands need no distance
         except ImportError as error:
-            raise ImportError("distances need libigl, which is not installed here: pip install libigl") from error
+            raise SkinCalibError(
+                "Distances to a mesh need libigl, which this Python does not have. "
+                f"Run: {sys.executable} -m pip install libigl"
+            ) from error
         tree, faces = igl.AABB(), _with_segments(mesh)
         tree.init(mesh.vertices, faces)
         _trees[mesh] = tree, faces

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from skin_calib_addon.common.errors import SkinCalibError
 from skin_calib_addon.geometry.mesh import distance as module
 from skin_calib_addon.geometry.mesh.distance import closest, closest_on_triangles
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, weld
@@ -135,5 +136,5 @@ def test_search_tree_of_a_mesh_ends_with_it():
 def test_a_missing_library_is_named(monkeypatch):
     """With the command that installs it."""
     monkeypatch.setitem(sys.modules, "igl", None)
-    with pytest.raises(ImportError, match="pip install libigl"):
+    with pytest.raises(SkinCalibError, match="pip install libigl"):
         closest(weld(cylinder().vertices, cylinder().faces), np.zeros((1, 3)))
