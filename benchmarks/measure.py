@@ -10,7 +10,7 @@ from links import Array, Fan, Link
 from samples import holes
 from scipy.interpolate import BSpline
 
-from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.mesh.distance import closest
 
 # Cells in which every surface is measured; prime numbers do not align with its knots or with the facets.
 ROWS, COLUMNS = 37, 151
@@ -84,14 +84,13 @@ class Judge:
 
     def __init__(self, link: Link, fan: Fan | None = None):
         self.link, self.fan = link, fan or link.fan
-        self.distance = MeshDistance(link.mesh)
         self.holes = holes(link, self.fan)
 
     def __call__(self, surface: Surface) -> Deviation:
         """Return the deviation of a surface; raise ValueError if it is not finite or far away."""
         points, areas = cells(surface, self.link)
         covered = ~self.over_hole(points)
-        mesh = statistics(self.distance(points[covered])[0], areas[covered])
+        mesh = statistics(closest(self.link.mesh, points[covered])[0], areas[covered])
         truth = statistics(self.link.truth(points), areas) if self.link.truth else (np.nan, np.nan)
         return Deviation(*mesh, *truth)
 

@@ -33,7 +33,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 from pages import MARKS, left_out_area, write_table  # noqa: E402
 
 from skin_calib_addon.calibration.file import load_calibration  # noqa: E402
-from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles  # noqa: E402
+from skin_calib_addon.geometry.mesh.distance import closest, closest_on_triangles  # noqa: E402
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh  # noqa: E402
 from skin_calib_addon.geometry.mesh.visibility import are_seen, visibility  # noqa: E402
 from skin_calib_addon.pictures.robot import draw_robot  # noqa: E402
@@ -277,7 +277,7 @@ def of_taxels(urdf, folder):
         seen = visibility(mesh).seen
         cover = TriangleMesh(mesh.vertices, mesh.faces[seen])
         outward = cover.face_normals * visibility(mesh).sides[seen][:, None]
-        distance = MeshDistance(cover)(positions)[0]
+        distance = closest(cover, positions)[0]
         centre = nearest_angles(cover, outward, positions, normals, distance)
         mean = angles_below(cover, outward, [cell for t in taxels for cell in t.corners_link], positions, normals)
         for name, values in (("distance", 1e3 * distance), ("centre", centre), ("mean", mean)):
@@ -439,7 +439,7 @@ def angles_below(mesh, outward, cells, positions, normals):
         points.append(np.concatenate((centre[None], *(centre + part * ring for part in RINGS))))
         owners.append(np.full(len(points[-1]), k))
     owner = np.concatenate(owners)
-    below = outward[MeshDistance(mesh)(np.concatenate(points))[1]]
+    below = outward[closest(mesh, np.concatenate(points))[1]]
     sums = np.stack([np.bincount(owner, below[:, k]) for k in range(3)], axis=1)
     return degrees((sums * normals).sum(axis=1) / np.linalg.norm(sums, axis=1))
 

@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from skin_calib_addon.calibration import LinkCalibration, Response
-from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.mesh.distance import closest
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan
 from skin_calib_addon.plan.skins import BoardSkin
@@ -61,16 +62,16 @@ class Truth:
         return np.array((-self.wrench[4], self.wrench[3])) / self.wrench[2]
 
 
-def authored_skin(hexagons: bool) -> tuple[LinkCalibration, MeshDistance]:
+def authored_skin(hexagons: bool) -> tuple[LinkCalibration, TriangleMesh]:
     """Return the skin of the sample sole from our fit, and its mesh."""
     plan = load_plan(SOLE)
     if hexagons:
         plan = replace(plan, skins=(BoardSkin("sole", HexLattice(0.0163, 0.0), "fill"),))
     result = calibrate(plan)
-    return result.calibration, MeshDistance(result.cover)
+    return result.calibration, result.cover
 
 
-def pads(calibration: LinkCalibration, mesh: MeshDistance) -> tuple[Array, Array]:
+def pads(calibration: LinkCalibration, mesh: TriangleMesh) -> tuple[Array, Array]:
     """Return the positions of the pads on the mesh (p, 3), and the taxel (p,) of each."""
     positions, owners = [], []
     taxels = calibration.patches[0].taxels
@@ -84,7 +85,7 @@ def pads(calibration: LinkCalibration, mesh: MeshDistance) -> tuple[Array, Array
                 if outline.margin(position[:2] + (x, y)) > PAD_RADIUS / 2:
                     positions.append((*(position[:2] + (x, y)), position[2]))
                     owners.append(i)
-    return mesh(np.array(positions))[2], np.array(owners)
+    return closest(mesh, np.array(positions))[2], np.array(owners)
 
 
 class Foot:

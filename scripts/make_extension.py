@@ -1,9 +1,10 @@
-"""Build the extension: one zip file for each platform, with SciPy and trimesh for Python 3.11 and 3.13.
+"""Build the extension: one zip file for each platform, with SciPy, trimesh and libigl for Python 3.11 and 3.13.
 
     python scripts/make_extension.py [--platform linux-x64 ...]
     python scripts/make_extension.py --platform linux-x64 --without-wheels
 
-The second zip is for the Blender of a Linux distribution, whose Python has SciPy and trimesh from the distribution.
+The second zip is for the Blender of a Linux distribution, whose Python has SciPy and trimesh from the distribution. It
+has the wheel of libigl for all Pythons from 3.12 on, because distributions lack it.
 Run it with the Python of the virtual environment: the builder is part of Blender's module.
 """
 
@@ -18,23 +19,23 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PIP_PLATFORMS = {
-    "linux-x64": "manylinux2014_x86_64",
-    "windows-x64": "win_amd64",
-    "macos-arm64": "macosx_12_0_arm64",
+    "linux-x64": ("manylinux2014_x86_64", "manylinux_2_28_x86_64"),
+    "windows-x64": ("win_amd64",),
+    "macos-arm64": ("macosx_12_0_arm64", "macosx_11_0_arm64"),
 }
 
 
 def wheels_for(platform):
     """Return the wheels of the manifest that one platform needs."""
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text())
-    end = PIP_PLATFORMS[platform]
-    return [Path(w).name for w in manifest["wheels"] if w.endswith((f"{end}.whl", "none-any.whl"))]
+    ends = (*(f"{name}.whl" for name in PIP_PLATFORMS[platform]), "none-any.whl")
+    return [Path(w).name for w in manifest["wheels"] if w.endswith(ends)]
 
 
-def download(platform):
-    """Download the missing wheels by name and version, unmodified."""
+def download(wheels, platform):
+    """Download the missing ones of some wheels by name and version, unmodified."""
     folder = ROOT / "wheels"
-    for wheel in wheels_for(platform):
+    for wheel in wheels:
         if (folder / wheel).is_file():
             continue
         name, version, tag = wheel.split("-")[:3]
@@ -50,7 +51,8 @@ def download(platform):
             folder,
         ]
         if tag.startswith("cp"):
-            words += ["--python-version", tag[2:], "--platform", PIP_PLATFORMS[platform]]
+            words += ["--python-version", tag[2:]]
+            words += [word for name in PIP_PLATFORMS[platform] for word in ("--platform", name)]
         subprocess.run([*words, f"{name}=={version}"], check=True)
 
 
@@ -69,9 +71,8 @@ def build(platform, with_wheels=True):
     import shutil
     import tempfile
 
-    wheels = wheels_for(platform) if with_wheels else []
-    if wheels:
-        download(platform)
+    wheels = [wheel for wheel in wheels_for(platform) if with_wheels or "-abi3-" in wheel]
+    download(wheels, platform)
     with tempfile.TemporaryDirectory() as folder:
         tracked = subprocess.run(
             ["git", "ls-files", "--cached", "--others", "--exclude-standard"],

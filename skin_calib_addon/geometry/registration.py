@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from ..common.arrays import Array, IntArray, freeze
 from ..common.surface_errors import DistanceStatistics
-from .mesh.closest import MeshDistance, closest_on_triangles, distance_to, split_faces
+from .mesh.distance import closest, closest_on_triangles
+from .mesh.face_parts import split_faces
 from .mesh.triangle_mesh import TriangleMesh
 from .surface.bspline import MIN_LENGTH
 
@@ -139,14 +140,14 @@ def fit_nearby(mesh: TriangleMesh, points: Array) -> NearbyFit:
 
     with the signed distances d to the mesh [m], positive outside, the thickness h of the skin [m] and robust weights w.
     """
-    exact, cloud = distance_to(mesh), Cloud.of(points)
+    cloud = Cloud.of(points)
     some = cloud.points[farthest_points(cloud.points, RANKING_POINTS)]
     displacements = _displacements(some)
     cost = _tiny(some) * np.eye(6)  # only for motions that no height shows, such as along a cylinder
     start = pose = best = Pose(np.eye(3), cloud.centre)
     least = np.inf
     for _ in range(MAX_STEPS):
-        height, heading = _heights(mesh, exact, some @ pose.rotation.T + pose.position)
+        height, heading = _heights(mesh, some @ pose.rotation.T + pose.position)
         off = height - np.median(height)
         residual = _residual(height)
         if residual < least:
@@ -164,7 +165,7 @@ def fit_nearby(mesh: TriangleMesh, points: Array) -> NearbyFit:
         is_small = np.linalg.norm(pose.position - cloud.centre) < NEARBY_LIMIT[0] and _angle(pose) < NEARBY_LIMIT[1]
         if not is_small or np.linalg.norm(displacements @ step, axis=1).max() < POSE_TOLERANCE * cloud.size:
             break
-    before, after = (_residual(_heights(mesh, exact, cloud.at(p))[0]) for p in (start, best))
+    before, after = (_residual(_heights(mesh, cloud.at(p))[0]) for p in (start, best))
     if after >= before:
         best, after = start, before
     u, _, v = np.linalg.svd(best.rotation)
@@ -172,9 +173,9 @@ def fit_nearby(mesh: TriangleMesh, points: Array) -> NearbyFit:
     return NearbyFit(u @ v, best.position - u @ v @ cloud.centre, before, after, _angle(best), shift)
 
 
-def _heights(mesh: TriangleMesh, exact: MeshDistance, points: Array) -> tuple[Array, Array]:
+def _heights(mesh: TriangleMesh, points: Array) -> tuple[Array, Array]:
     """Return the heights of points above a mesh, shape (n,) [m], and their gradients, shape (n, 3)."""
-    distance, face, feet = exact(points)
+    distance, face, feet = closest(mesh, points)
     normals, gap = mesh.face_normals[face], points - feet
     sign = np.where((gap * normals).sum(axis=1) < 0, -1.0, 1.0)
     near = distance < 1e-9 * mesh.size  # the direction to the foot is rounding
@@ -204,14 +205,14 @@ def find_frame(mesh: TriangleMesh, points: Array) -> RigidFit:
     all points. A cloud whose mean distance is at most `ON_MESH_DISTANCE` stays.
     """
     points = np.asarray(points, float)
-    exact, cloud = distance_to(mesh), Cloud.of(points)
-    before = _statistics(exact, points)
+    cloud = Cloud.of(points)
+    before = _statistics(mesh, points)
     if before.mean <= ON_MESH_DISTANCE:
-        return _right(before, _slack(mesh, exact, points), nearby=fit_nearby(mesh, points))
+        return _right(before, _slack(mesh, points), nearby=fit_nearby(mesh, points))
     best, others = _search(SampledMesh(mesh), cloud)
     moved = cloud.at(best)
-    after, slack = _statistics(exact, moved), _slack(mesh, exact, moved)
-    rival = min((_statistics(exact, cloud.at(pose)).mean for pose in others), default=np.inf)
+    after, slack = _statistics(mesh, moved), _slack(mesh, moved)
+    rival = min((_statistics(mesh, cloud.at(pose)).mean for pose in others), default=np.inf)
     verdict = verdict_of(before.mean, after.mean, rival, slack, cloud.size)
     if verdict == "right":
         return _right(before, slack, rival, fit_nearby(mesh, points))
@@ -407,14 +408,14 @@ def _tiny(points: Array) -> float:
     return 1e-12 * float((points**2).sum(axis=1).max()) + float(np.finfo(float).tiny)
 
 
-def _slack(mesh: TriangleMesh, exact: MeshDistance, points: Array) -> float:
+def _slack(mesh: TriangleMesh, points: Array) -> float:
     r"""Return the distance that points (n, 3) can slide over a mesh before their distances show it [m].
 
     Of all small motions with a root mean square of one, one changes the distances least (Gelfand et al., 2003). With
     the least eigenvalue :math:`\lambda` of this change and the root mean square :math:`\sigma` [m] of the distances,
     the result is :math:`\sigma / \sqrt{\lambda}`, and at most the size of the cloud.
     """
-    distance, face, _ = exact(points)
+    distance, face, _ = closest(mesh, points)
     cloud = Cloud.of(points)
     normals = mesh.face_normals[face]
     slopes = np.column_stack((np.cross(cloud.points, normals), normals))
@@ -425,8 +426,8 @@ def _slack(mesh: TriangleMesh, exact: MeshDistance, points: Array) -> float:
     return min(noise / change**0.5, cloud.size)
 
 
-def _statistics(exact: MeshDistance, points: Array) -> DistanceStatistics:
-    return DistanceStatistics.of(exact(points)[0], np.ones(len(points)))
+def _statistics(mesh: TriangleMesh, points: Array) -> DistanceStatistics:
+    return DistanceStatistics.of(closest(mesh, points)[0], np.ones(len(points)))
 
 
 def _between(points: Array, a: Pose, b: Pose) -> float:

@@ -12,7 +12,7 @@ from ..calibration.model import LinkCalibration, TaxelArray
 from ..common.arrays import Array, unit
 from ..common.atomic_file import write_bytes_safely
 from ..common.errors import SkinCalibError
-from ..geometry.mesh.closest import distance_to
+from ..geometry.mesh.distance import closest
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.sampling.planes import perpendicular
 from ..pipeline.calibrate import surface_of
@@ -172,7 +172,7 @@ class _ErrorPanel(_Panel):
         u, v = ((np.arange(k) + 0.5) / k for k in QUAD_COUNTS)
         # Points of the surfaces; a quad is a chord of them.
         middles = [surface_of(surface).grid_points(u, v).reshape(-1, 3) for surface in calibration.surfaces]
-        distance = distance_to(mesh)(np.concatenate(middles))[0]
+        distance = closest(mesh, np.concatenate(middles))[0]
         scale = self.scale("turbo", 1e3 * min(largest, 5 * max(e.rms for e in errors)))
         beyond = distance > 2 * largest  # the surface extends beyond the mesh
         colours = np.where(beyond[:, None], PLAIN, scale.to_rgba(1e3 * distance)[:, :3])

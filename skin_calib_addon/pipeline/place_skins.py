@@ -13,7 +13,7 @@ from ..common.arrays import unit
 from ..common.errors import InvalidPlan, OutsideSurface
 from ..common.warnings import Place, Warning
 from ..geometry.fit.surface_fit import SurfaceFit
-from ..geometry.mesh.closest import distance_to
+from ..geometry.mesh.distance import closest
 from ..geometry.surface.bspline import BSplineSurface
 from ..plan import Plan
 from ..plan.checks import naming_skin
@@ -159,7 +159,7 @@ def on_cover(sheet: WrappedSheet, skin: SheetSkin, fit: SurfaceFit) -> WrappedSh
     below their centre, corners and edges.
     """
     shape, flat = sheet.uv.shape[:2], sheet.uv.reshape(-1, 2)
-    distance, face, _ = distance_to(fit.given_mesh)(sheet.surface.points(flat))
+    distance, face, _ = closest(fit.given_mesh, sheet.surface.points(flat))
     normals = sheet.surface.normals(flat)
     below = fit.given_mesh.face_normals[face]
     below = (below * np.sign((below * normals).sum(axis=1, keepdims=True))).reshape(*shape, 3)

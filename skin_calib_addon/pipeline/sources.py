@@ -28,7 +28,8 @@ from ..robot.link_mesh import is_urdf, load_urdf_mesh, plan_mesh_files
 @cache
 def program() -> str:
     """Return the versions of the program and of its libraries: another one may round or read a mesh differently."""
-    libraries = f"NumPy {np.__version__}, SciPy {scipy.__version__}, trimesh {version('trimesh')}"
+    own = ", ".join(f"{name} {version(name)}" for name in ("trimesh", "libigl"))
+    libraries = f"NumPy {np.__version__}, SciPy {scipy.__version__}, {own}"
     return f"skin-calib {__version__}, {libraries}"
 
 

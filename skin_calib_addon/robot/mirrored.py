@@ -5,13 +5,12 @@ the one reflection that can take a link to another; points of the meshes decide.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..common.arrays import Array, freeze
-from ..geometry.mesh.closest import MeshDistance
+from ..geometry.mesh.distance import closest
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.mesh.visibility import sample_faces
 from .kinematics import link_poses
@@ -101,7 +100,8 @@ class _Sample:
     def __init__(self, mesh: TriangleMesh):
         points, _, areas = sample_faces(mesh, float(np.sqrt(mesh.face_areas.sum() / COMPARED_POINTS)))
         area = areas.sum()
-        self.mesh, self.middle = mesh, areas @ points / area
+        # A copy, whose search tree ends with this sample: the trees of all links take hundreds of MB.
+        self.mesh, self.middle = replace(mesh), areas @ points / area
         self.gyration = float(np.sqrt(areas @ np.square(points - self.middle).sum(axis=1) / area))
         # Evenly over the area: a mesh can have many points on small faces.
         steps = (np.arange(COMPARED_POINTS) + 0.5) / COMPARED_POINTS
@@ -119,9 +119,4 @@ class _Sample:
         back = np.linalg.inv(transform)
         there = self.points @ transform[:3, :3].T + transform[:3, 3]
         here = other.points @ back[:3, :3].T + back[:3, 3]
-        return max(float(other.to_mesh(there)[0].mean()), float(self.to_mesh(here)[0].mean()))
-
-    @cached_property
-    def to_mesh(self) -> MeshDistance:
-        """Return the distance from the mesh, which only this sample keeps: trees of all links take hundreds of MB."""
-        return MeshDistance(self.mesh, coarseness=2.0)
+        return max(float(closest(other.mesh, there)[0].mean()), float(closest(self.mesh, here)[0].mean()))

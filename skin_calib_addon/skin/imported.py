@@ -15,7 +15,7 @@ from ..common.arrays import Array, BoolArray, IntArray, unit
 from ..common.errors import InvalidPlan, listed
 from ..common.findings import Finding, error, warning
 from ..common.surface_errors import DistanceStatistics
-from ..geometry.mesh.closest import MeshDistance, distance_to
+from ..geometry.mesh.distance import closest
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.registration import MAX_SKIN_THICKNESS, ON_MESH_DISTANCE, RigidFit, find_frame
 from ..geometry.surface.bspline import BSplineSurface
@@ -109,7 +109,6 @@ def imported_taxels(
         neighbours=_symmetric(ids, adjacent),
         quality={"gap": gap},
     )
-    exact = None if mesh is None else distance_to(mesh)
     fit = None if mesh is None else find_frame(mesh, given)
     at_edge = ((uv <= 0) | (uv >= 1)).any(axis=1)
     lateral = np.linalg.norm(given - feet - gap[:, None] * upright, axis=1)
@@ -120,8 +119,8 @@ def imported_taxels(
         *_flipped(name, taxel_set, normals),
         *_merged(ids, given, positions, pitch),
     )
-    before = _distances(distance, given, exact)
-    return ImportedTaxels(taxels, pitch, before, _distances(0 * gap, feet, exact), fit, (*taxel_set.findings, *found))
+    before = _distances(distance, given, mesh)
+    return ImportedTaxels(taxels, pitch, before, _distances(0 * gap, feet, mesh), fit, (*taxel_set.findings, *found))
 
 
 def board_normals(taxel_set: TaxelSet, upright: Array) -> Array:
@@ -254,9 +253,9 @@ def _tangents(taxel_set: TaxelSet, surface: BSplineSurface, uv: Array, normals: 
     return unit(wanted - (wanted * normals).sum(axis=1, keepdims=True) * normals)
 
 
-def _distances(distance: Array, points: Array, exact: MeshDistance | None) -> Distances:
+def _distances(distance: Array, points: Array, mesh: TriangleMesh | None) -> Distances:
     ones = np.ones(len(points))
-    to_mesh = None if exact is None else DistanceStatistics.of(exact(points)[0], ones)
+    to_mesh = None if mesh is None else DistanceStatistics.of(closest(mesh, points)[0], ones)
     return Distances(DistanceStatistics.of(distance, ones), to_mesh)
 
 

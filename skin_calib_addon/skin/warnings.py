@@ -8,7 +8,7 @@ from ..calibration.model import Patch
 from ..common.arrays import Array, IntArray, unit
 from ..common.errors import InvalidPlan
 from ..common.warnings import Place, Warning, point_of
-from ..geometry.mesh.closest import distance_to
+from ..geometry.mesh.distance import closest
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from .boards.ground import GAP_LIMIT, MAX_ANGLE
 from .sheet.closure import Closure
@@ -92,7 +92,7 @@ def normal_warnings(patch: Patch, mesh: TriangleMesh) -> Iterator[Warning]:
     points = np.concatenate((taxels.positions_link, *halfway))
     cell = np.concatenate((np.arange(len(halfway)), np.repeat(np.arange(len(halfway)), list(map(len, halfway)))))
     normals = taxels.normals_link[cell]
-    below = mesh.face_normals[distance_to(mesh)(points - patch.offset * normals)[1]]
+    below = mesh.face_normals[closest(mesh, points - patch.offset * normals)[1]]
     below = below * np.where((below * normals).sum(axis=1) < 0, -1.0, 1.0)[:, None]  # winding is not trusted
     sums = np.column_stack([np.bincount(cell, x, len(halfway)) for x in below.T])
     angles = np.arccos(np.clip((unit(sums) * taxels.normals_link).sum(axis=1), -1.0, 1.0))

@@ -18,7 +18,7 @@ from skin_calib_addon.geometry import (
     weld,
 )
 from skin_calib_addon.geometry.fit import fitting as fit_module
-from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.surface.bspline import clamped_knots, periodic_knots
 from tests.examples import examples
 from tests.shapes import LENGTH, TURN, Motion, dome, keep, sheet, shuffled, with_hole, wrist
@@ -196,5 +196,5 @@ def test_ragged_meshes_are_fitted_nearly_as_well(seed):
     mesh, grid = keep(WRIST, lambda c: rng.random(len(c)) > 0.1), TubeGrid(8, 16, NEAR_Z, 0.004, "uniform")
     fit = fit_surface(mesh, grid)
     assert 0.05 < fit.missing < 0.15
-    ragged, whole = (MeshDistance(WRIST)(f.surface.points(UV))[0] for f in (fit, fit_surface(WRIST, grid)))
+    ragged, whole = (closest(WRIST, f.surface.points(UV))[0] for f in (fit, fit_surface(WRIST, grid)))
     assert ragged.mean() < 1.5 * whole.mean() and ragged.max() < 2 * whole.max()

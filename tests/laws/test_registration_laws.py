@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.geometry.mesh.closest import MeshDistance, split_faces
+from skin_calib_addon.geometry.mesh.distance import closest
+from skin_calib_addon.geometry.mesh.face_parts import split_faces
 from skin_calib_addon.geometry.registration import find_frame
 from tests.examples import examples
 from tests.shapes import Motion, weld, wrist
@@ -41,7 +42,7 @@ def test_noise_moves_the_pose_by_at_most_the_slack(seed, noise):
     """Taxels off the mesh: no further from it than before, and within the reported distance of their origin."""
     points, motion = piece(seed, 1.0, noise), Motion(seed)
     fit = find_frame(wrist(), motion.points(points))
-    truth = MeshDistance(wrist())(points)[0]
+    truth = closest(wrist(), points)[0]
     assert fit.after.mean <= 1.02 * truth.mean() + 1e-6
     assert np.linalg.norm(fit(motion.points(points)) - points, axis=1).mean() <= fit.slack
 

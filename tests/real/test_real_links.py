@@ -17,7 +17,7 @@ from skin_calib_addon.geometry import (
     fit_to_tolerance,
     load_mesh,
 )
-from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan, plan_from
 
@@ -70,7 +70,7 @@ def test_real_link_is_fitted_or_says_why_not(path):
         return
     uv = np.random.default_rng(0).uniform(0.05, 0.95, (400, 2))
     normals = fit.surface.normals(uv)
-    distance, face, _ = MeshDistance(cover)(fit.surface.points(uv))
+    distance, face, _ = closest(cover, fit.surface.points(uv))
     if path.stem in FACES:  # with walls and edges near the surface, the author's direction decides
         looks = normals @ FACES[path.stem]
     else:
@@ -104,7 +104,7 @@ def test_paper_wrist_takes_the_sheet():
     outward -= (outward @ along)[:, None] * along
     assert ((taxels.normals_link * outward).sum(axis=1) > 0.5 * np.linalg.norm(outward, axis=1)).all()
     assert np.linalg.norm(outward, axis=1).min() > 0.02  # on the cover, not on the boxes in it
-    distance, face, _ = MeshDistance(result.cover)(taxels.positions_link)
+    distance, face, _ = closest(result.cover, taxels.positions_link)
     assert distance.max() < 1e-3
     assert ((taxels.normals_link * result.cover.face_normals[face]).sum(axis=1) > 0.8).all()
     assert np.abs(taxels.quality["strain"]).max() < 0.05
@@ -122,7 +122,7 @@ def test_inner_boxes_of_the_paper_wrist_are_dropped():
         cut_cover(load_mesh(DATA / f"hrp4c_r_wrist_y{name}.stl"), plan.surface.cover) for name in ("", "_cover_only")
     )
     height = (raw.vertices - cut.point) @ cut.normal
-    assert MeshDistance(cover)(raw.vertices[height > plan.surface.grid.region.margin])[0].max() < 1e-6
+    assert closest(cover, raw.vertices[height > plan.surface.grid.region.margin])[0].max() < 1e-6
     assert raw.face_areas.sum() < 1.05 * cover.face_areas.sum()
 
 

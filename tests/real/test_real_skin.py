@@ -14,7 +14,7 @@ from skin_calib_addon.calibration.exchange import read_taxels
 from skin_calib_addon.calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
 from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.geometry import AcrossGrid, Axis, CoverSpec, Cut, SectorGrid, cut_cover, fit_surface, load_mesh
-from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles
+from skin_calib_addon.geometry.mesh.distance import closest, closest_on_triangles
 from skin_calib_addon.geometry.registration import find_frame, fit_nearby
 from skin_calib_addon.skin.imported import imported_taxels, placed
 from tests.shapes import Motion
@@ -108,7 +108,7 @@ def points_outward(mesh, positions, normals):
     """Return whether a face near each taxel has a similar normal: within a millimetre of the nearest, as inner
     walls protrude.
     """
-    nearest = MeshDistance(mesh)(positions)[0]
+    nearest = closest(mesh, positions)[0]
     for p, n, least in zip(positions, normals, nearest):
         feet = closest_on_triangles(np.broadcast_to(p, (len(mesh.faces), 3)), mesh.triangles)
         near_faces = np.linalg.norm(feet - p, axis=1) < least + 1e-3
@@ -170,7 +170,7 @@ def test_arm_in_a_wrong_frame_is_corrected():
     fit = find_frame(mesh, points)
     assert fit.verdict == "moved"
     assert_allclose(fit.before.mean, 31.6e-3, rtol=0, atol=0.1e-3)
-    assert fit.after.mean <= MeshDistance(mesh)(known)[0].mean()
+    assert fit.after.mean <= closest(mesh, known)[0].mean()
     assert fit.rival > 2.5 * fit.after.mean
     assert np.rad2deg(np.arccos((np.trace(fit.rotation @ R.T) - 1) / 2)) < 1
     assert np.linalg.norm(fit(points) - known, axis=1).mean() < 2 * fit.slack < 0.01
@@ -183,7 +183,7 @@ def test_real_skin_is_brought_back_from_any_frame(part, name):
     """
     mesh, _, _ = link(name)
     points = read_taxels(TAXELS / f"pycub_left_{part}.csv").positions
-    known = MeshDistance(mesh)(points)[0].mean()
+    known = closest(mesh, points)[0].mean()
     found = []
     for seed in range(3):
         motion = Motion(seed)

@@ -15,7 +15,7 @@ from skin_calib_addon.geometry import (
     fit_grid,
     load_mesh,
 )
-from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles
+from skin_calib_addon.geometry.mesh.distance import closest, closest_on_triangles
 from skin_calib_addon.skin import HexLattice, SheetLattice, board_taxels, lay_boards, sheet_taxels, wrap_sheet
 from tests.real.test_real_links import DATA, FACES, MESHES, fit_of
 
@@ -37,7 +37,7 @@ def flipped(taxels, fit, path):
     if path.stem in FACES:  # with walls and edges near the surface, the direction of the author counts
         looks = taxels.normals_link @ FACES[path.stem]
     else:
-        distance, face, _ = MeshDistance(fit.mesh)(taxels.positions_link)
+        distance, face, _ = closest(fit.mesh, taxels.positions_link)
         trusted &= distance < NEAR
         looks = (taxels.normals_link * fit.mesh.face_normals[face]).sum(axis=1)
         for i in np.flatnonzero(

@@ -46,7 +46,7 @@ ORDER = {
     "blender": ("scene", "overlay", "inspection", "live", "handles", "properties"),
 }
 LIBRARIES = {
-    "geometry": {"numpy", "scipy", "trimesh", "collada", "threadpoolctl"},
+    "geometry": {"numpy", "scipy", "trimesh", "igl", "collada", "threadpoolctl"},
     "skin": {"numpy", "scipy"},
     "pipeline": {"numpy", "scipy", "trimesh"},
     "robot": {"numpy", "mujoco"},

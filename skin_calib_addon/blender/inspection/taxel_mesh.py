@@ -14,7 +14,7 @@ from bpy.app.handlers import persistent
 from mathutils import Matrix
 
 from ...common.arrays import Array
-from ...geometry.mesh.closest import distance_to
+from ...geometry.mesh.distance import closest
 from ...pipeline import Calibrated
 from .. import events
 from ..scene.link_meshes import link_frame
@@ -73,10 +73,9 @@ def is_of_another_fit(link: bpy.types.Object) -> bool:
 def errors_of(result: Calibrated) -> Array:
     """Return the distance of the surface from the mesh below each taxel, shape (n,) [m]."""
     parts = [np.empty(0)]
-    distances = {name: distance_to(cover) for name, cover in result.covers.items()}
     for patch in result.calibration.patches:
         feet = result.fits[patch.surface].surface.points(patch.taxels.uv)
-        parts.append(distances[patch.surface](feet)[0])
+        parts.append(closest(result.covers[patch.surface], feet)[0])
     return np.concatenate(parts)
 
 

@@ -11,7 +11,7 @@ from ...calibration.model import Patch
 from ...common.arrays import ranges
 from ...geometry.sampling.planes import Planes, perpendicular
 from ...geometry.sampling.sections import cut_sections
-from ...geometry.surface.distance import SAMPLES_PER_SPAN, sample_lines
+from ...geometry.surface.distance import dense_lines
 from ...inspection.all_taxels import AllTaxels
 from ...inspection.comparison import Comparison
 from ...runtime import Frame
@@ -192,7 +192,7 @@ def _error(fits: Sequence[Any], is_preview: bool) -> Layer:
 
 def _errors(fit: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return a grid of points of a surface (a, b, 3), and their distances to the mesh (a, b) [m]."""
-    u, v = sample_lines(fit.surface, SAMPLES_PER_SPAN)
+    u, v = dense_lines(fit.surface)
     errors = fit.deviations.reshape(len(u), len(v))
     # Samples are in the middle of their cells: the colour of the outermost ones extends to the edges.
     u, v = np.array((0, *u, 1)), np.array((*v, v[0]) if fit.lines.closed else (0, *v, 1))

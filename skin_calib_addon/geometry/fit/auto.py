@@ -8,21 +8,18 @@ from functools import cache
 import numpy as np
 
 from ...common.arrays import Array, IntArray
-from ...common.errors import InvalidPlan, UnderdeterminedFit, UnreachableTolerance
+from ...common.errors import EmptySection, InvalidPlan, UnderdeterminedFit, UnreachableTolerance
 from ..grid.axis import Axis
 from ..grid.error_model import ErrorModel
 from ..grid.grids import AutoGrid, Grid, PlanesGrid, Region, Size, Tolerance, Vector, length_warnings, region_of
 from ..grid.parametrizations import parametrized_lines
 from ..grid.spacing import MAX_MOVES, density_lines, line_positions, plane_positions
-from ..mesh.closest import distance_to
 from ..mesh.outliers import without_outliers
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
-from ..surface.distance import SAMPLES_PER_SPAN
 from .diagnosis import FOLDED_AREA, MAX_DEVIATION, DeviationLimits, maximum_deviation
 from .fitting import check_fit, fit_lines, fit_surface, left_out
 from .limits import better_axis, limit_of
-from .proof import MIN_DISTANCE, confirmed_error, largest_distance
 from .surface_fit import SurfaceFit
 
 MAX_PLANES = 60  # [1] most u-planes of an automatic grid. Larger: tighter tolerances, more time
@@ -46,6 +43,10 @@ MIN_SIZE_RATIO = 1.1
 # nets, more fits.
 TARGET_RATIO = 0.97
 MEASURES = ("mean", "max")
+MIN_DISTANCE = 1e-300  # [m] lower bound of a distance in a logarithm
+# [fraction of the largest distance] that is added to it: a peak may be between the points of its search. Larger: safer,
+# larger nets.
+MAX_MARGIN = 0.01
 # [1] steps of planes and lines for nets that are fitted on trial. Larger: fewer control points, more time.
 TRIAL_MOVES = 2
 COUNT_RATIO = 1.4  # [1] ratio of successive numbers of planes or lines whose error is computed. Smaller: more time
@@ -359,7 +360,7 @@ def fit_to_count(
         fit_lines(mesh, predictor.lines(size), degrees)
         for size in predictor.best_sizes(control_points, MAX_PROPORTIONS)
     ]
-    best = min(fits, key=lambda fit: fit.distances(SAMPLES_PER_SPAN).mean)
+    best = min(fits, key=lambda fit: fit.to_mesh.mean)
     best = replace(best, **left_out(given, outliers))
     check_fit(best)
     return best
@@ -379,8 +380,7 @@ class Search:
         self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}
         self.enlarged: list[tuple[int, int]] = []  # the enlarged nets, which do not depend on the tolerance
         self.is_usable = cache(self._is_usable)
-        self.distances = cache(self._distances)
-        self.estimate = cache(self._estimate)
+        self.measured = cache(self._measured)
 
     @property
     def best(self) -> SurfaceFit | None:
@@ -424,14 +424,11 @@ class Search:
             if size not in self.enlarged:
                 self.enlarged.append(size)
                 self.error(size)
-                fit = self.tried[size][1]
-                if self.measure == "max" and fit.smallest_area >= FOLDED_AREA:  # ``error`` may be an estimate
-                    self.tried[size] = self.estimate(fit), fit
             if self.best:
                 break
             failed = size[0] * size[1]
             if self.measure == "mean":
-                before, least = least, self.estimate(self.tried[size][1])
+                before, least = least, self.tried[size][0]
                 if least > NO_GAIN_RATIO * before:
                     break
         for _ in range(NET_BISECTIONS):  # between the last two nets
@@ -449,32 +446,19 @@ class Search:
     def nearest(self) -> tuple[float, SurfaceFit]:
         """Return the least error of the enlarged nets [m], rounded up, and its fit; infinite if all of them fold."""
         fits = [self.tried[size][1] for size in self.enlarged]
-        whole = [(self.estimate(fit), fit) for fit in fits if fit.smallest_area >= FOLDED_AREA]
+        whole = [(self.measured(fit), fit) for fit in fits if fit.smallest_area >= FOLDED_AREA]
         if not whole:
             return np.inf, fits[0]
         usable = [(error, fit) for error, fit in whole if self.is_usable(fit, error)]
-        _, fit = min(usable or whole, key=lambda found: found[0])
-        return self.confirmed(fit), fit
+        error, fit = min(usable or whole, key=lambda found: found[0])
+        return rounded_up(error * 1e3) / 1e3, fit
 
-    def _estimate(self, fit: SurfaceFit) -> float:
-        """Return the largest distance, or the mean by a part of the exact distances, whatever the tolerance [m]."""
-        if self.measure == "max":
-            return largest_distance(fit, distance_to(self.mesh))
-        return confirmed_error(*self.distances(fit), "mean", 0.0)
-
-    def confirmed(self, fit: SurfaceFit) -> float:
-        """Return the least tolerance of two digits for which ``error`` confirms that a fit is within it [m]."""
-        error, tolerance = self.estimate(fit), 0.0
-        while error > tolerance:
-            tolerance = rounded_up(error * 1e3) / 1e3
-            if self.measure == "mean":
-                error = confirmed_error(*self.distances(fit), "mean", tolerance)
-        return tolerance
-
-    def _distances(self, fit: SurfaceFit) -> tuple[Array, Array, Callable[[IntArray], Array]]:
-        """Return the upper bounds of the distances [m], the areas [m^2], and a function for exact distances [m]."""
-        points, bounds, areas = fit.bounds()
-        return bounds, areas, lambda chosen: distance_to(self.mesh)(points[chosen])[0]
+    def _measured(self, fit: SurfaceFit) -> float:
+        """Return the mean or largest distance of a fit from the mesh [m]; infinite if no part of it can be measured."""
+        try:
+            return float(fit.to_mesh.mean if self.measure == "mean" else (1 + MAX_MARGIN) * fit.to_mesh.max)
+        except EmptySection:
+            return np.inf
 
     @property
     def largest_failed(self) -> int:
@@ -502,13 +486,10 @@ class Search:
         return self.tried[size][0] / self.predictor.error(size)
 
     def error(self, size: tuple[int, int]) -> float:
-        """Return the error of the fit of this size [m]: within the tolerance only if this is confirmed."""
+        """Return the error of the fit of this size [m]."""
         if size not in self.tried:
             fit = self.fit(size)
-            error = confirmed_error(*self.distances(fit), self.measure, self.tolerance)
-            if self.measure == "max" and error <= self.tolerance:
-                error = max(error, self.estimate(fit))
-            self.tried[size] = error, fit
+            self.tried[size] = self.measured(fit), fit
         return self.tried[size][0]
 
     def fit(self, size: tuple[int, int]) -> SurfaceFit:

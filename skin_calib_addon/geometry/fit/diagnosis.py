@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from ...common.arrays import Array, IntArray
 from ...common.warnings import Place, Warning, point_of
-from ..mesh.closest import distance_to
+from ..mesh.distance import closest
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.curves import curves
@@ -142,7 +142,7 @@ def maximum_deviation(
     distance = np.abs(np.nan_to_num(samples.residuals)) * slope
     far = distance > far_distance
     if far.any():
-        distance[far] = np.minimum(distance[far], distance_to(mesh)((samples.origins + samples.arms)[far])[0])
+        distance[far] = np.minimum(distance[far], closest(mesh, (samples.origins + samples.arms)[far])[0])
     at = largest_at(distance)
     return float(distance[at]), Place(point_of(samples.points[at]), nearest_names(lines, basis, at))
 

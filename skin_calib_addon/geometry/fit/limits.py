@@ -8,7 +8,7 @@ from ...common.errors import SkinCalibError
 from ..grid.axis import Axis
 from ..grid.grids import Region, Tube, TubeGrid
 from ..mesh.triangle_mesh import TriangleMesh
-from ..surface.distance import SAMPLES_PER_SPAN, surface_samples
+from ..surface.distance import surface_samples
 from .chords import facet_sagittas
 from .diagnosis import FOLDED_AREA, maximum_deviation, nearest_names
 from .fitting import fit_lines
@@ -39,8 +39,7 @@ def better_axis(fit: SurfaceFit, region: Region, measure: str, error: float) -> 
             other = fit_lines(fit.mesh, lines, fit.surface.degree)
         except SkinCalibError:
             continue
-        distances = other.distances(SAMPLES_PER_SPAN)
-        least = distances.mean if measure == "mean" else distances.max
+        least = getattr(other.to_mesh, measure)
         if least < error and other.smallest_area >= FOLDED_AREA and area(other) > least_area:
             error = least
             point, direction = (

@@ -10,16 +10,16 @@ from ...common.arrays import Array, BoolArray, IntArray, pairs_of
 from ...common.errors import EmptySection
 from ...common.surface_errors import DistanceStatistics, SurfaceErrors
 from ...common.warnings import Warning
-from ..mesh.closest import closest_on_triangles
+from ..mesh.distance import closest
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.lines import LineGrid
 from ..sampling.samples import RaySamples, SampleRows
 from ..surface.bspline import BSplineSurface
-from ..surface.distance import SAMPLES_PER_SPAN, is_sampled, surface_samples
+from ..surface.distance import is_sampled, surface_samples
 from .diagnosis import DeviationLimits, condition, dropped_curve_warnings, dropped_curves, fit_warnings
 from .error_field import ErrorField, error_field
-from .error_report import MIN_COVER_COSINE, IsCover, NearMesh, mesh_to_surface, surface_to_mesh, winding
+from .error_report import MIN_COVER_COSINE, IsCover, VertexFeet, mesh_to_surface, surface_to_mesh, winding
 from .undercut import undercut_warnings
 
 # [1] points per control point and direction at which the area element is evaluated. Larger: smaller folds are found.
@@ -75,10 +75,10 @@ class SurfaceFit:
     @cached_property
     def errors(self) -> SurfaceErrors:
         """Return the distances between mesh and surface, in both directions [m]."""
-        to_mesh, _ = self._to_mesh
+        to_mesh = self.to_mesh
         mesh, is_cover = self._mesh_inside
         known, side = ~np.isnan(self.residuals), winding(self.mesh, self.samples)
-        to_surface = mesh_to_surface(mesh, self.surface, known, side, is_cover)
+        to_surface = mesh_to_surface(mesh, self.surface, known, side, self._feet, is_cover)
         return SurfaceErrors(to_surface, to_mesh, max(to_surface.max, to_mesh.max))
 
     @cached_property
@@ -87,7 +87,7 @@ class SurfaceFit:
         steps = [np.linalg.norm(np.diff(self.points, axis=axis), axis=2) for axis in (0, 1)]
         return max(float(np.median(known)) if (known := a[~np.isnan(a)]).size else 0.0 for a in steps)
 
-    @property
+    @cached_property
     def _mesh_inside(self) -> tuple[TriangleMesh, IsCover | None]:
         """Return the faces of the mesh inside the boundary, and which points of them are on the cover.
 
@@ -118,14 +118,18 @@ class SurfaceFit:
         return TriangleMesh(self.mesh.vertices, self.mesh.faces[between]), is_cover
 
     @cached_property
-    def _to_mesh(self) -> tuple[DistanceStatistics, int]:
-        """Return the distances from surface to mesh, and which of the points of ``bounds`` is furthest away."""
-        points, bounds, areas = self.bounds()
-        if len(points) == 0:
-            raise EmptySection(
-                "No sample ray hit the mesh next to another one, so the error is unknown. Move the planes."
-            )
-        return surface_to_mesh(self.mesh, points, bounds, areas, self.samples.faces)
+    def _to_mesh(self) -> tuple[DistanceStatistics, Array]:
+        """Return the distances from surface to mesh, and the parameters (2,) of the largest."""
+        return surface_to_mesh(self.mesh, self.surface, self.is_measured, self._feet.uv)
+
+    @cached_property
+    def _feet(self) -> VertexFeet:
+        return VertexFeet.of(self._mesh_inside[0], self.surface)
+
+    @property
+    def to_mesh(self) -> DistanceStatistics:
+        """Return the distances from surface to mesh, a part of ``errors`` [m]."""
+        return self._to_mesh[0]
 
     @cached_property
     def error_field(self) -> ErrorField:
@@ -141,21 +145,16 @@ class SurfaceFit:
     @cached_property
     def worst(self) -> tuple[Array, Array, float]:
         """Return the position of the maximum deviation from the mesh: parameters (2,), point (3,) [m], distance [m]."""
-        statistics, index = self._to_mesh
-        uv = surface_samples(self.surface)[0]
-        at = uv[self.is_measured(uv)][index]
+        statistics, at = self._to_mesh
         return at, self.surface.points(at[None])[0], statistics.max
 
     @cached_property
     def deviations(self) -> Array:
-        """Return the distance from surface to mesh of each of ``surface_samples``, (k,) [m]; NaN where not measured.
-
-        Their maximum is that of ``errors``, which computes fewer of them.
-        """
-        measured = self.is_measured(surface_samples(self.surface)[0])
-        points, bounds, _ = self.bounds()
-        found = np.full(len(measured), np.nan)
-        found[measured] = np.minimum(bounds, NearMesh(self.mesh, self.samples.faces)(points, bounds))
+        """Return the distance from surface to mesh of each of ``surface_samples``, (k,) [m]; NaN where not measured."""
+        uv = surface_samples(self.surface)[0]
+        measured = self.is_measured(uv)
+        found = np.full(len(uv), np.nan)
+        found[measured] = closest(self.mesh, self.surface.points(uv[measured]))[0]
         return found
 
     @cached_property
@@ -184,89 +183,21 @@ class SurfaceFit:
         least = int(signed.argmin())
         return float(signed[least] / areas.mean()), uv[least]
 
-    def distances(self, per_span: int) -> DistanceStatistics:
-        r"""Return the distances from surface to mesh at other sites than those of the fit.
-
-        A ray with the residual :math:`e`, the direction :math:`\mathbf{r}` and a facet with the normal
-        :math:`\mathbf{n}` has the distance :math:`|e\, (\mathbf{r} \cdot \mathbf{n})|` to the plane of the facet [m].
-        This takes a tenth of the time of ``errors``. It is as accurate where the surface is near the mesh and no edge
-        is in between.
-
-        Parameters
-        ----------
-        per_span : int
-            Sites in each span, in each direction; more where there are few spans.
-
-        Returns
-        -------
-        DistanceStatistics
-            Weighted by the area of each site [m].
-        """
-        arms, samples = self.resampled(per_span)
-        points = samples.origins + arms
-        step = np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)
-        if not self.lines.closed:
-            step[:, [0, -1]] = points[:, [1, -1]] - points[:, [0, -2]]  # half a cell at the edges
-        areas = np.linalg.norm(np.cross(step, np.gradient(points, axis=0)), axis=2)
-        areas[[0, -1]] /= 2
-        slope = np.abs((samples.rays * self.mesh.face_normals[samples.faces]).sum(axis=2))
-        known = ~np.isnan(samples.residuals)
-        return DistanceStatistics.of(np.abs(samples.residuals * slope)[known], areas[known])
-
-    def resampled(self, per_span: int) -> tuple[Array, RaySamples]:
-        """Return rays through the surface at other even sites than those of the fit, and their hits on the mesh.
-
-        Parameters
-        ----------
-        per_span : int
-            Sites in each span, in each direction; more where there are few spans.
-
-        Returns
-        -------
-        arms : array, shape (k, l, 3)
-            From the origins of the rays to the surface [m].
-        samples : RaySamples
-            The hits.
-        """
-        return self._cast(TensorBasis.of(self.lines, *self.surface.degree, per_span))
-
-    def bounds(self) -> tuple[Array, Array, Array]:
-        """Return upper bounds of the distances to the mesh in ``errors``: the distances to facets that rays hit.
-
-        This takes a fraction of the time.
-
-        Returns
-        -------
-        points : array, shape (k, 3)
-            Points of the surface that ``errors`` uses, where it is measured [m].
-        bounds : array, shape (k,)
-            [m]; infinite where the ray hit nothing.
-        areas : array, shape (k,)
-            Area of each point [m^2].
-        """
-        uv, areas = surface_samples(self.surface)
-        arms, samples = self._cast(TensorBasis.of(self.lines, *self.surface.degree, SAMPLES_PER_SPAN, between=True))
-        measured = np.flatnonzero(self.is_measured(uv))
-        points = (samples.origins + arms).reshape(-1, 3)[measured]
-        foot = closest_on_triangles(points, self.mesh.triangles[samples.faces.ravel()[measured]])
-        bounds = np.linalg.norm(foot - points, axis=1)
-        bounds[np.isnan(samples.residuals.ravel()[measured])] = np.inf
-        return points, bounds, areas[measured]
-
-    def _cast(self, basis: TensorBasis) -> tuple[Array, RaySamples]:
-        arms = basis.blend(self.offsets[..., None] * self.lines.directions)
-        return arms, SampleRows.of(self.mesh, self.lines, basis).cast(arms)
-
     def is_trusted(self, uv: Array) -> BoolArray:
         """Return whether the mesh was hit all around parameters (m, 2), inside the boundary of the region.
 
         Elsewhere the surface spans a hole.
         """
-        uv, known, outside = np.asarray(uv, float).reshape(-1, 2), ~np.isnan(self.residuals), self.samples.outside
+        uv = np.asarray(uv, float).reshape(-1, 2)
+        return self._is_trusted(uv, self.surface.points(uv))
+
+    def _is_trusted(self, uv: Array, points: Array) -> BoolArray:
+        known, outside = ~np.isnan(self.residuals), self.samples.outside
         if outside is None or self.lines.region is None:
             return is_sampled(self.surface, uv, known)
-        is_inside = self.lines.region(self.surface.points(uv))
-        return is_inside & is_sampled(self.surface, uv, known, outside)
+        trusted = is_sampled(self.surface, uv, known, outside)
+        trusted[trusted] = self.lines.region(points[trusted])
+        return trusted
 
     def is_measured(self, uv: Array) -> BoolArray:
         """Return at which parameters (m, 2) errors count, shape (m,): where the surface is trusted, near a hit.
@@ -274,11 +205,12 @@ class SurfaceFit:
         At a boundary some of the sites around are outside, and a hit can be farther away than hits are from each other:
         in a tip of the boundary, and at its ends, where sites are sparse. There the surface is extrapolated.
         """
-        counts = self.is_trusted(uv)
+        points = self.surface.points(uv)
+        counts = self._is_trusted(uv, points)
         if self.samples.outside is not None:
-            chosen = np.flatnonzero(counts)
-            points, hits = self.surface.points(uv[chosen]), cKDTree(self.points[~np.isnan(self.residuals)])
-            counts[chosen] = np.isfinite(hits.query(points, distance_upper_bound=np.sqrt(2) * self._step)[0])
+            hits = cKDTree(self.points[~np.isnan(self.residuals)])
+            near = hits.query(points[counts], distance_upper_bound=np.sqrt(2) * self._step)[0]
+            counts[counts] = np.isfinite(near)
         return counts
 
     @cached_property

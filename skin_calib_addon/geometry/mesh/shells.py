@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull, Delaunay, QhullError, cKDTree
 
 from ...common.arrays import Array, BoolArray, IntArray, locked
 from ..components import components
-from .closest import split_faces
+from .face_parts import split_faces
 from .triangle_mesh import TriangleMesh
 
 # [fraction of the area] A shell with more of its area inside the hull of the shells kept so far is an inner part.

@@ -50,18 +50,15 @@ class SplineSites:
 
 
 @lru_cache(maxsize=256)
-def spline_sites(
-    count: int, degree: int, closed: bool, per_span: int = SITES_PER_SPAN, between: bool = False
-) -> SplineSites:
+def spline_sites(count: int, degree: int, closed: bool, per_span: int = SITES_PER_SPAN) -> SplineSites:
     """Return even sites for the control points of one direction."""
-    start = 0.5 if between else 0.0
     if not closed:
         knots = clamped_knots(count, degree)
         steps = max(per_span * (count - degree), count)  # a short spline has few spans
-        sites = (np.arange(steps + (not between)) + start) / steps
+        sites = np.arange(steps + 1) / steps
         return SplineSites(knots, basis_functions(sites, knots, degree), 0, 0)
     knots, shift = periodic_knots(count, degree), (degree - 1) // 2
-    values = basis_functions((np.arange(per_span * count) + start) / (per_span * count), knots, degree)
+    values = basis_functions(np.arange(per_span * count) / (per_span * count), knots, degree)
     values[:, :degree] += values[:, count:]
     return SplineSites(knots, np.roll(values[:, :count], -shift, axis=1), degree, shift)
 
@@ -91,15 +88,14 @@ class TensorBasis:
         degree_u: int,
         degree_v: int,
         per_span: int = SITES_PER_SPAN,
-        between: bool = False,
     ) -> "TensorBasis":
         """Return the basis for the lines of a grid."""
         n, m = lines.origins.shape[:2]
         check_counts(n, degree_u, "u-planes")
         check_counts(m, degree_v, "v-lines")
         around = m if lines.closed else m - degree_v
-        u = spline_sites(n, degree_u, False, sites_per_span(per_span, n - degree_u, MIN_SITES[False]), between)
-        v = spline_sites(m, degree_v, lines.closed, sites_per_span(per_span, around, MIN_SITES[lines.closed]), between)
+        u = spline_sites(n, degree_u, False, sites_per_span(per_span, n - degree_u, MIN_SITES[False]))
+        v = spline_sites(m, degree_v, lines.closed, sites_per_span(per_span, around, MIN_SITES[lines.closed]))
         common = unit(lines.directions.mean(axis=0))
         return cls(u, v, v.values * (unit(v.values @ common) @ common.T), degree_u, degree_v)
 

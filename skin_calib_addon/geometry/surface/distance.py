@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, cross, pairs_of
+from ...common.arrays import Array, BoolArray, cross, norms, pairs_of
 from .bspline import MIN_SITES, BSplineSurface, sites_per_span
 
-# [1] samples in each span, per direction, that measure distances. Not a multiple of 2, because facets often come in
-# even numbers and samples with the period of the facets see only a part of them. Larger: more accurate maxima, more
-# time.
-SAMPLES_PER_SPAN = 5
+# [1] least number of samples of a surface. Larger: more accurate means, more time.
+MIN_SAMPLES = 10_000
+# [1] least number of samples in each span, per direction. Larger: more accurate maxima of large nets, more time.
+MIN_SAMPLES_PER_SPAN = 3
 
 
 def is_sampled(surface: BSplineSurface, uv: Array, known: BoolArray, outside: BoolArray | None = None) -> BoolArray:
@@ -29,14 +29,22 @@ def is_sampled(surface: BSplineSurface, uv: Array, known: BoolArray, outside: Bo
 
 def surface_samples(surface: BSplineSurface) -> tuple[Array, Array]:
     """Return the parameters of a dense grid of cell centres, shape (k, 2), and the area of each cell [m^2]."""
-    u, v = sample_lines(surface, SAMPLES_PER_SPAN)
+    u, v = dense_lines(surface)
     normals = cross(*surface.grid_tangents(u, v)).reshape(-1, 3)
-    return pairs_of(u, v), np.linalg.norm(normals, axis=1) / len(normals)
+    return pairs_of(u, v), norms(normals) / len(normals)
+
+
+def dense_lines(surface: BSplineSurface) -> tuple[Array, Array]:
+    """Return the parameters u and v of this grid."""
+    least = np.sqrt(MIN_SAMPLES / (len(surface.spans[0].starts) * len(surface.spans[1].starts)))
+    return sample_lines(surface, max(MIN_SAMPLES_PER_SPAN, int(np.ceil(least))))
 
 
 def sample_lines(surface: BSplineSurface, per_span: int) -> tuple[Array, Array]:
     """Return even parameters u and v at the centres of equal parts of the domain."""
-    spans = (len(np.unique(k[d : len(k) - d])) - 1 for k, d in zip((surface.knots_u, surface.knots_v), surface.degree))
-    counts = (n * sites_per_span(per_span, n, MIN_SITES[closed]) for n, closed in zip(spans, surface.closed))
+    counts = (
+        len(s.starts) * sites_per_span(per_span, len(s.starts), MIN_SITES[closed])
+        for s, closed in zip(surface.spans, surface.closed)
+    )
     u, v = ((np.arange(n) + 0.5) / n for n in counts)
     return u, v

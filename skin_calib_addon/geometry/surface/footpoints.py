@@ -18,8 +18,9 @@ from math import comb
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...common.arrays import Array, BoolArray, IntArray, ranges
-from ..mesh.closest import closest_on_triangles
+from ...common.arrays import Array, BoolArray, IntArray, cross, norms, ranges, unit
+from ..mesh.distance import closest, closest_on_triangles, dots
+from ..mesh.triangle_mesh import TriangleMesh
 from .bspline import BSplineSurface
 
 # [1] cells into which a surface is divided. Larger: tighter bounds and so fewer descents, more time for the table. The
@@ -68,11 +69,30 @@ def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
     for i in range(0, len(points), BLOCK_POINTS):
         block = slice(i, i + BLOCK_POINTS)
         uv[block], distance[block] = search.nearest(points[block])
+    return _with_edges(surface, uv), distance
+
+
+def near_footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array, Array]:
+    r"""Return nearly the footpoints (k, 2) of points (k, 3), distances (k,) [m] and normals (k, 3), without descents.
+
+    Of the nearest triangle, the foot has the parameters, and the plane that touches the surface there gives the
+    distance. It is within :math:`2 \delta` of the exact one, and much closer near the surface.
+    """
+    search = _search_of(surface, CELLS)
+    flat, face, feet = closest(search.mesh, points)
+    uv = _with_edges(surface, search.parameters(face, feet))
+    r = surface.derivatives(uv)
+    normals, delta = unit(cross(r[1, 0], r[0, 1])), search.delta[face // 2]
+    return uv, np.clip(np.abs(dots(points - r[0, 0], normals)), flat - delta, flat + delta), normals
+
+
+def _with_edges(surface: BSplineSurface, uv: Array) -> Array:
+    """Return parameters (k, 2) that are exactly 0 or 1 on an open edge, so that callers can recognize it."""
     for axis in (0, 1):
-        if not surface.closed[axis]:  # an edge is exactly 0 or 1, so that callers can recognize it
+        if not surface.closed[axis]:
             x = uv[:, axis]
             uv[:, axis] = np.where(x < PARAMETER_TOLERANCE, 0.0, np.where(x > 1 - PARAMETER_TOLERANCE, 1.0, x))
-    return surface.wrap(uv), distance
+    return surface.wrap(uv)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,15 +123,22 @@ class _Search:
         radius = np.max([np.linalg.norm(corner - centres, axis=2) for corner in (a, b, c, d)], axis=0)
         self.delta, self.centres, self.radius = delta.ravel(), centres.reshape(-1, 3), (radius + delta).ravel()
         self.is_bent = self.delta > 2 * MAX_CELL_DEVIATION * self.radius  # of a diameter
-        self.triangles = np.stack((np.stack((a, b, c), 2), np.stack((a, c, d), 2)), 2).reshape(-1, 2, 3, 3)
+        rows, columns = delta.shape
+        a = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()
+        b, c, d = a + columns + 1, a + columns + 2, a + 1
+        self.mesh = TriangleMesh(corners.reshape(-1, 3), np.stack((a, b, c, a, c, d), axis=1).reshape(-1, 3))
         self.start = np.stack(np.broadcast_arrays(ends[0][:-1, None], ends[1][:-1]), 2).reshape(-1, 2)
         self.step = np.stack(np.broadcast_arrays(*steps), 2).reshape(-1, 2)
         self.tree = cKDTree(self.centres)
 
+    def first(self, points: Array) -> tuple[Array, Array]:
+        """Return where descents from the nearest triangles end: parameters (k, 2), and the distances (k,) [m]."""
+        _, face, feet = closest(self.mesh, points)
+        return descend(self.surface, self.parameters(face, feet), points)
+
     def nearest(self, points: Array) -> tuple[Array, Array]:
         """Return the footpoints (k, 2) of points (k, 3), and their distances (k,) [m]."""
-        first = self._at_triangles(np.arange(len(points)), np.asarray(self.tree.query(points)[1]), points)
-        uv, distance = descend(self.surface, first.uv, points)
+        uv, distance = self.first(points)
         rivals = self._rivals(points, uv, distance)
         while len(rivals.row):
             best = np.append(True, rivals.row[1:] != rivals.row[:-1])  # one of each point, with the least bound
@@ -149,19 +176,23 @@ class _Search:
     def _at_triangles(self, row: IntArray, cell: IntArray, points: Array) -> _Cells:
         """Return where descents start, at the nearest points of the triangles of cells, and the bound of each cell."""
         target = np.repeat(points[row], 2, axis=0)
-        foot = closest_on_triangles(target, self.triangles[cell].reshape(-1, 3, 3))
-        distance = np.linalg.norm(foot - target, axis=1).reshape(-1, 2)
+        feet = closest_on_triangles(target, self.mesh.triangles.reshape(-1, 2, 3, 3)[cell].reshape(-1, 3, 3))
+        distance = norms(feet - target).reshape(-1, 2)
         which, all_rows = distance.argmin(axis=1), np.arange(len(cell))
-        corners, foot = self.triangles[cell, which], foot.reshape(-1, 2, 3)[all_rows, which]
-        one, two, arm = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], foot - corners[:, 0]
-        aa, ab, bb = (one * one).sum(axis=1), (one * two).sum(axis=1), (two * two).sum(axis=1)
-        pa, pb = (arm * one).sum(axis=1), (arm * two).sum(axis=1)
+        uv = self.parameters(2 * cell + which, feet.reshape(-1, 2, 3)[all_rows, which])
+        return _Cells(row, cell, distance[all_rows, which] - self.delta[cell], uv)
+
+    def parameters(self, face: IntArray, feet: Array) -> Array:
+        """Return the parameters (k, 2) of points (k, 3) on triangles (k,)."""
+        corners = self.mesh.triangles[face]
+        one, two, arm = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], feet - corners[:, 0]
+        aa, ab, bb, pa, pb = dots(one, one), dots(one, two), dots(two, two), dots(arm, one), dots(arm, two)
         area = np.maximum(aa * bb - ab**2, TINY)
         x, y = (pa * bb - pb * ab) / area, (pb * aa - pa * ab) / area
         # corners a, b, c of the first triangle are at (0, 0), (1, 0), (1, 1) of the cell; of the second a, c, d
-        fraction = np.where((which == 0)[:, None], np.stack((x + y, y), axis=1), np.stack((x, x + y), axis=1))
-        uv = self.start[cell] + self.step[cell] * np.clip(fraction, 0, 1)
-        return _Cells(row, cell, distance[all_rows, which] - self.delta[cell], uv)
+        is_first = face % 2 == 0
+        fraction = np.stack((np.where(is_first, x + y, x), np.where(is_first, y, x + y)), axis=1)
+        return self.start[face // 2] + self.step[face // 2] * np.clip(fraction, 0, 1)
 
 
 @lru_cache(maxsize=8)

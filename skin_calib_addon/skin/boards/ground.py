@@ -8,7 +8,7 @@ import numpy as np
 
 from ...common.arrays import Array, BoolArray
 from ...geometry.fit.surface_fit import SurfaceFit
-from ...geometry.mesh.closest import MeshDistance, closest_on_triangles, distance_to
+from ...geometry.mesh.distance import closest, closest_on_triangles
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.footpoints import footpoints
 from .overlap import TOUCH
@@ -48,10 +48,6 @@ class Ground:
     side: float  # of the boards [m]
 
     @cached_property
-    def _distance(self) -> MeshDistance | None:
-        return None if self.fit is None else distance_to(self.fit.given_mesh)
-
-    @cached_property
     def _zones(self) -> tuple[Array, Array, Array]:
         """Points of the zones, the points of the surface nearest to them, and radii."""
         centres = np.array([zone.point for zone in self.excluded]).reshape(-1, 3)
@@ -74,24 +70,20 @@ class Ground:
 
     def is_over_mesh(self, points: Array, normals: Array) -> BoolArray:
         """Return which points (k, 3) [m] are above or below the mesh, and not beyond its edges."""
-        over = np.ones(len(points), bool)
-        if self._distance is None:
-            return over
-        limit = MAX_GAP * self.side
-        over[:] = self._distance.tree.query(points, distance_upper_bound=limit + self._distance.radius)[0] < np.inf
-        near = np.flatnonzero(over)
-        distance, _, foot = self._distance(points[near])
-        heights = np.abs(((points[near] - foot) * normals[near]).sum(axis=1))
+        if self.fit is None:
+            return np.ones(len(points), bool)
+        distance, _, foot = closest(self.fit.given_mesh, points)
+        heights = np.abs(((points - foot) * normals).sum(axis=1))
         aside = np.sqrt(np.maximum(distance**2 - heights**2, 0))
-        over[near] = (distance <= limit) & (aside <= TOUCH * self.side + MAX_SLOPE * heights)
+        over: BoolArray = (distance <= MAX_GAP * self.side) & (aside <= TOUCH * self.side + MAX_SLOPE * heights)
         return over
 
     def carries(self, uv: Array) -> BoolArray:
         """Return whether boards may be centred at parameters (k, 2): on the mesh, parallel to its nearest faces."""
-        if self.fit is None or self._distance is None:
+        if self.fit is None:
             return np.ones(len(uv), bool)
         points, normals = self.surface.points(uv), self.surface.normals(uv)
-        distances, faces, _ = self._distance(points)
+        distances, faces, _ = closest(self.fit.given_mesh, points)
         kept = self.fit.is_trusted(self.surface.wrap(uv)) & (distances <= MAX_DISTANCE)
         # Above an edge several faces are nearest.
         board, face = self.fit.given_mesh.around(faces)

@@ -6,7 +6,8 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.geometry import registration, weld
-from skin_calib_addon.geometry.mesh.closest import MeshDistance, split_faces
+from skin_calib_addon.geometry.mesh.distance import closest
+from skin_calib_addon.geometry.mesh.face_parts import split_faces
 from skin_calib_addon.geometry.registration import (
     MAX_SKIN_THICKNESS,
     ON_MESH_DISTANCE,
@@ -47,7 +48,7 @@ def assert_consistent(fit, mesh, points):
     moved = points @ fit.rotation.T + fit.translation
     assert_allclose(fit(points), moved, rtol=0, atol=1e-12)
     for there, stated in ((points, fit.before), (moved, fit.after)):
-        distance = MeshDistance(mesh)(there)[0]
+        distance = closest(mesh, there)[0]
         assert_allclose((stated.mean, stated.max), (distance.mean(), distance.max()), rtol=1e-6, atol=1e-9)
 
 
@@ -81,7 +82,7 @@ def test_inner_parts_do_not_catch_a_piece(seed):
 def test_cloud_near_the_mesh_stays(height):
     """On it, above it or below it by less than `ON_MESH_DISTANCE`: the verdict is right, without a motion."""
     points = on_wrist()
-    _, face, _ = MeshDistance(wrist())(points)
+    _, face, _ = closest(wrist(), points)
     fit = find_frame(wrist(), points + height * ON_MESH_DISTANCE * wrist().face_normals[face])
     assert fit.verdict == "right" and fit.before == fit.after
     assert_allclose(fit.before.mean, abs(height) * ON_MESH_DISTANCE, rtol=0.05, atol=1e-9)
@@ -141,7 +142,7 @@ def test_slack_of_exact_points_is_that_of_their_rounding():
 def test_thick_skin_stays():
     """A full turn about a tube, 6 mm above it: no motion reduces the distance much, so the cloud stays."""
     points = on_wrist(count=300)
-    _, face, _ = MeshDistance(wrist())(points)
+    _, face, _ = closest(wrist(), points)
     raised = points + 0.006 * wrist().face_normals[face]
     fit = find_frame(wrist(), raised)
     assert fit.verdict == "right" and ON_MESH_DISTANCE < fit.before.mean < MAX_SKIN_THICKNESS
@@ -233,7 +234,7 @@ def test_near_faces_are_nearly_the_nearest():
     """Of points close to the wrist, the best of a few faces is the best of all, but for a hundredth of a spacing."""
     points = on_wrist(count=60) + np.random.default_rng(4).normal(scale=2e-3, size=(60, 3))
     feet, faces = SampledMesh(wrist())(points)
-    assert_allclose(np.linalg.norm(feet - points, axis=1), MeshDistance(wrist())(points)[0], rtol=0, atol=2e-5)
+    assert_allclose(np.linalg.norm(feet - points, axis=1), closest(wrist(), points)[0], rtol=0, atol=2e-5)
     on_face = [np.linalg.norm(nearest_on_triangle(q, wrist().triangles[f]) - q) for q, f in zip(feet, faces)]
     assert max(on_face) < 1e-12
 
@@ -244,7 +245,7 @@ def test_planes_of_the_grid_lie_near():
     rng = np.random.default_rng(5)
     points = samples.centre + rng.uniform(-0.1, 0.1, (200, 3))
     near, normals = samples.planes(points)
-    least = MeshDistance(wrist())(points)[0]
+    least = closest(wrist(), points)[0]
     assert (np.linalg.norm(near - points, axis=1) <= least + 2.5 * samples.cell).all()
     assert_allclose(np.linalg.norm(normals, axis=1), 1, rtol=1e-12)
     far, _ = samples.planes(points + 1e9)

@@ -13,8 +13,8 @@ from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import InvalidPlan, PoorFit
 from skin_calib_addon.geometry import CoverSpec
 from skin_calib_addon.geometry.grid.grids import Across
-from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.mesh.cover import seen_faces
+from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh, weld
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from skin_calib_addon.pipeline import calibrate
@@ -235,7 +235,7 @@ def test_proposal_is_a_plan_that_can_be_carried_out(tube, tmp_path, skin):
     assert len(plan.extra["x_proposal"]) == 2 + len(plan.surfaces)
     assert f"Their cells have {areas * 1e4:.0f} cm^2." in plan.extra["x_proposal"][-1]
     for patch in result.calibration.patches:
-        distance, face, _ = MeshDistance(tube)(patch.taxels.positions_link)
+        distance, face, _ = closest(tube, patch.taxels.positions_link)
         assert distance.max() < 1.1e-3
         cosine = (tube.face_normals[face] * patch.taxels.normals_link).sum(axis=1)
         assert cosine.min() > np.cos(np.deg2rad(18))

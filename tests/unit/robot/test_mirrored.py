@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from skin_calib_addon.robot.kinematics import link_poses
 from skin_calib_addon.robot.link_mesh import load_link
@@ -51,7 +51,7 @@ def test_a_mirrored_link_is_found_with_other_faces():
     assert twins["right"].is_mirrored
     np.testing.assert_allclose(twins["right"].transform, transform, atol=1e-12)
     image = wrist().vertices @ transform[:3, :3].T + transform[:3, 3]
-    assert MeshDistance(subdivided(right))(image)[0].max() < 1e-9
+    assert closest(subdivided(right), image)[0].max() < 1e-9
 
 
 def test_a_link_that_differs_has_no_twin():
@@ -130,4 +130,4 @@ def test_sides_of_real_robots_are_mirrored(file, left, right, count):
     assert len(mirrored) == count
     for link, former in mirrored.items():
         image = moved(meshes[former], twins[link].transform)
-        assert MeshDistance(meshes[link])(image.vertices[::50])[0].max() < 2e-3
+        assert closest(meshes[link], image.vertices[::50])[0].max() < 2e-3

@@ -21,7 +21,7 @@ from skin_calib_addon.geometry import (
 )
 from skin_calib_addon.geometry.fit import diagnosis
 from skin_calib_addon.geometry.fit import fitting as fit_module
-from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.mesh.distance import closest
 from tests.examples import slow
 from tests.shapes import (
     LENGTH,
@@ -310,7 +310,7 @@ def test_warning_has_the_maximum_of_the_report(n):
     """One measure and one place in warning, report, panel and heat map."""
     fit = fit_surface(with_step(0.03, 0.3), TubeGrid(n, 16, Z_AXIS, 0.004, "uniform"))
     (warning,) = fit.warnings
-    assert warning.value == fit.errors.surface_to_mesh.max == np.nanmax(fit.deviations)
+    assert warning.value == fit.errors.surface_to_mesh.max >= np.nanmax(fit.deviations)
     assert_allclose(warning.where.point, fit.worst[1], rtol=0, atol=1e-12)
 
 
@@ -320,8 +320,9 @@ def test_limits_are_lengths_and_not_fractions_of_the_mesh(scale):
     mesh = with_step(0.03, 0.3)
     mesh, grid = weld(scale * mesh.vertices, mesh.faces), TubeGrid(8, 16, Z_AXIS, scale * 0.004, "uniform")
     fit = fit_surface(mesh, grid, max_deviation=1.0)
-    distance = MeshDistance(mesh)((fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
-    assert fit.warnings == () and 4.5e-3 < distance / scale < 4.6e-3
+    at_sites = closest(mesh, (fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
+    distance = fit.errors.surface_to_mesh.max
+    assert fit.warnings == () and 4.5e-3 < at_sites / scale <= distance / scale < 5.3e-3
     if distance > 0.01:
         with pytest.raises(PoorFit, match=rf"is {distance * 1e3:.1f} mm \(limit 10 mm\) off the mesh at"):
             fit_surface(mesh, grid)
@@ -358,7 +359,7 @@ def test_limits_follow_a_tolerance():
     mesh = with_step(0.03, 0.3)
     fit = fit_to_tolerance(mesh, 0.00015, axis=Z_AXIS, margin=0.004)
     assert_allclose((fit.limits.warned, fit.limits.refused), (0.0015, 0.01))
-    distance = MeshDistance(mesh)((fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
+    distance = closest(mesh, (fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
     assert [w.code for w in fit.warnings if w.code == "off-mesh"] == (["off-mesh"] if distance > 0.0015 else [])
 
 
@@ -407,7 +408,7 @@ def test_maximum_deviation_is_a_distance_and_not_along_the_ray(inward):
     mesh = weld(mesh.vertices, mesh.faces[:, ::-1]) if inward else mesh
     fit = fit_surface(mesh, fit.lines, 4)
     distance, place = diagnosis.maximum_deviation(mesh, fit.lines, fit.basis, fit.samples, 0.02 * mesh.size)
-    exact = MeshDistance(mesh)((fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
+    exact = closest(mesh, (fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
     assert_allclose(distance, exact, rtol=0.1)
     assert distance < 0.6 * np.abs(fit.residuals).max() and place.words.startswith("at (")
 

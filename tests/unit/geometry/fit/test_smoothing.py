@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.geometry import TubeGrid, fit_surface, weld
-from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.sampling.basis import TensorBasis, bending_matrix
 from skin_calib_addon.geometry.surface.distance import surface_samples
 from tests.shapes import Z_AXIS, cylinder, subdivided, wrist
@@ -23,7 +23,7 @@ def scanned(mesh, noise, seed=0):
 def distance_to(mesh, fit):
     """Mean distance from a surface to a mesh [m]."""
     uv, weights = surface_samples(fit.surface)
-    return float(weights @ MeshDistance(mesh)(fit.surface.points(uv))[0] / weights.sum())
+    return float(weights @ closest(mesh, fit.surface.points(uv))[0] / weights.sum())
 
 
 @pytest.mark.parametrize(("noise", "error"), [(1e-4, 0.03e-3), (3e-4, 0.08e-3), (1e-3, 0.21e-3)])

@@ -7,15 +7,15 @@ import pytest
 from numpy.testing import assert_allclose
 
 from sample_scenes.shapes import tube_mesh
+from skin_calib_addon.common.arrays import pairs_of
 from skin_calib_addon.common.errors import EmptySection, UnderdeterminedFit
-from skin_calib_addon.common.surface_errors import DistanceStatistics
 from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_grid, fit_surface
 from skin_calib_addon.geometry.fit import fitting as fit_module
+from skin_calib_addon.geometry.fit.surface_fit import surface_at
 from skin_calib_addon.geometry.grid import error_model
-from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.sampling.basis import TensorBasis
 from skin_calib_addon.geometry.sampling.samples import SampleRows
-from skin_calib_addon.geometry.surface.distance import surface_samples
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from tests.examples import slow
 from tests.oracles import best_step, cast_on_mesh, distance_to_mesh
@@ -193,24 +193,33 @@ def decimated():
 
 @pytest.mark.parametrize("side", ["first row", "last row", "first column", "last column", "all"])
 def test_distances_are_weighted_with_the_area_of_each_site(side):
-    """A surface over a flat mesh, with one side of it raised: mean and rms are those of the areas between sites.
-
-    A quarter of each quad between four sites belongs to each of its corners.
-    """
+    """A surface over a flat mesh, with one side of it raised: mean and rms are those of its area."""
     fit = fit_surface(sheet(lambda x, y: 0 * x), AcrossGrid(6, 5, (0, 0, 1), margin=0.004))
     raised = {"first row": np.s_[0], "last row": np.s_[-1], "first column": np.s_[:, 0], "last column": np.s_[:, -1]}
     offsets = fit.offsets.copy()
     offsets[raised.get(side, np.s_[:])] += 0.001
-    fit = replace(fit, offsets=offsets)
-    arms, samples = fit.resampled(3)
-    points = samples.origins + arms
-    diagonals = points[1:, 1:] - points[:-1, :-1], points[1:, :-1] - points[:-1, 1:]
-    quads = np.pad(np.linalg.norm(np.cross(*diagonals), axis=2) / 2, 1)
-    areas = (quads[1:, 1:] + quads[:-1, 1:] + quads[1:, :-1] + quads[:-1, :-1]) / 4
-    stated, heights = fit.distances(3), np.abs(points[..., 2])
+    fit = replace(fit, offsets=offsets, surface=surface_at(fit.lines, fit.basis, offsets))
+    uv = pairs_of(*2 * [(np.arange(300) + 0.5) / 300])
+    r = fit.surface.derivatives(uv)
+    areas, heights = np.linalg.norm(np.cross(r[1, 0], r[0, 1]), axis=1), np.abs(r[0, 0, :, 2])
+    stated = fit.to_mesh
     assert_allclose(stated.mean, np.average(heights, weights=areas), rtol=0.01)
     assert_allclose(stated.rms, np.sqrt(np.average(heights**2, weights=areas)), rtol=0.01)
-    assert_allclose(stated.max, heights.max(), rtol=1e-9)
+    assert_allclose(stated.max, 0.001, rtol=1e-6)  # on the edge
+
+
+@pytest.mark.parametrize("side", [np.s_[1:3, 0], np.s_[3:5, -1], np.s_[0, 1:3], np.s_[-1, 2:4]])
+def test_largest_distance_at_an_edge_is_found(side):
+    """An edge that is raised in its middle, over one large face: no vertex is near the maximum."""
+    fit = fit_surface(sheet(lambda x, y: 0 * x, cells=(1, 1)), AcrossGrid(6, 5, (0, 0, 1), margin=0.004))
+    offsets = fit.offsets.copy()
+    offsets[side] += 0.001
+    fit = replace(fit, offsets=offsets, surface=surface_at(fit.lines, fit.basis, offsets))
+    t = np.linspace(0, 1, 20_001)
+    edges = [np.column_stack(pair) for x in (0 * t, 0 * t + 1) for pair in ((x, t), (t, x))]
+    highest = np.abs(fit.surface.points(np.concatenate(edges))[:, 2]).max()
+    assert_allclose(fit.to_mesh.max, highest, rtol=1e-5)
+    assert min(np.abs(fit.worst[0] - edge).min() for edge in (0, 1)) == 0
 
 
 def test_residuals_are_distances_along_the_sample_rays():
@@ -259,7 +268,7 @@ def test_few_lines_do_not_keep_step_with_facets(lines):
     """On a tube of 48 sides: as near as facets allow for a circle, for any ratio of lines to facets."""
     mesh = cylinder(around=48)
     fit = fit_surface(mesh, TubeGrid(5, lines, Z_AXIS, 0.004, "uniform"))
-    left = MeshDistance(mesh)(fit.surface.points(np.random.default_rng(0).uniform(0, 1, (4000, 2))))[0].mean()
+    left = closest(mesh, fit.surface.points(np.random.default_rng(0).uniform(0, 1, (4000, 2))))[0].mean()
     circle = 4 / (9 * np.sqrt(3)) * RADIUS * (1 - np.cos(np.pi / 48))  # of mean height over the arcs: parabolas
     assert left < 1.1 * circle
     assert_allclose(fit.errors.surface_to_mesh.mean, left, rtol=0.15)  # nor do the points where errors are measured
@@ -381,43 +390,6 @@ def test_fit_keeps_what_it_was_made_from():
     fit = fit_surface(motion.mesh(mesh), TubeGrid(6, 12, motion.axis(Z_AXIS)))
     assert fit.lines.origins.shape == (6, 12, 3) and fit.mesh.sha256 == motion.mesh(mesh).sha256
     assert 1 <= fit.iterations <= 10
-
-
-@pytest.mark.parametrize(
-    ("mesh", "grid"),
-    [
-        (wrist(), TubeGrid(6, 11, Z_AXIS, 0.004)),
-        (wrist(), SectorGrid(5, 6, -1.0, 1.5, Z_AXIS, 0.004)),
-        (sheet(lambda x, y: 0.02 - 2 * (x - 0.05) ** 2), AcrossGrid(5, 5, (0, 0, 1.0), margin=0.004)),
-        (cylinder(around=12), TubeGrid(4, 9, Z_AXIS, 0.004)),
-    ],
-)
-def test_bounds_are_no_less_than_the_errors(mesh, grid):
-    """At the very points of the report, by the facets that rays meet instead of the nearest ones: hardly more."""
-    fit = fit_surface(mesh, grid)
-    points, bounds, areas = fit.bounds()
-    exact = fit.errors.surface_to_mesh
-    assert (MeshDistance(mesh)(points)[0] <= bounds + 1e-15).all()
-    bounds = DistanceStatistics.of(bounds, areas)
-    for measure in ("mean", "rms", "max"):
-        assert 1 - 1e-12 <= getattr(bounds, measure) / getattr(exact, measure) < 1.02
-
-
-@pytest.mark.parametrize(
-    ("mesh", "hole", "unknown"), [(cylinder(), 0.0135, 1), (cylinder(around=96, along=41), 0.00162, 1)]
-)
-def test_holes_have_no_bounds(mesh, hole, unknown):
-    """What lies over a hole is left out, as in the report; where the fit's samples saw none nothing is known."""
-    centre = (0.035 * np.cos(0.033), 0.035 * np.sin(0.033), 0.045)
-    fit = fit_surface(with_hole(mesh, centre, hole), TubeGrid(8, 16, Z_AXIS, 0.004))
-    points, bounds, areas = fit.bounds()
-    uv, every = surface_samples(fit.surface)
-    trusted = fit.is_trusted(uv)
-    assert trusted.all() == (fit.missing == 0) and len(points) == len(bounds) == trusted.sum()
-    assert_allclose(points, fit.surface.points(uv[trusted]), rtol=0, atol=1e-15)
-    assert_allclose(areas, every[trusted], rtol=1e-12)
-    over = np.isinf(bounds)
-    assert over.sum() == unknown and (np.linalg.norm(points[over] - centre, axis=1) < 1.1 * hole).all()
 
 
 def test_oscillating_iterations_end_early(monkeypatch):

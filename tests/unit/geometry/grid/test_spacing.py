@@ -23,7 +23,7 @@ from skin_calib_addon.geometry.grid.spacing import (
     positions_at,
     rotated_map,
 )
-from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.sampling.basis import spline_sites
 from skin_calib_addon.geometry.sampling.frames import frame_of
 from skin_calib_addon.geometry.surface.distance import surface_samples
@@ -91,7 +91,7 @@ def true_error(mesh, parametrization, s, t):
     """Root mean square distance from the surface on lines at s and t to the mesh, by triangles [m]."""
     surface = fit_surface(mesh, parametrized_lines(parametrization, s, t)).surface
     uv, weights = surface_samples(surface)
-    distance = MeshDistance(mesh)(surface.points(uv))[0]
+    distance = closest(mesh, surface.points(uv))[0]
     return float(np.sqrt(weights @ distance**2 / weights.sum()))
 
 
@@ -536,7 +536,7 @@ def test_even_positions_are_kept_where_only_facets_are_left(mesh, size, monkeypa
     even = fit_surface(mesh(), parametrized_lines(parametrization, s, TURN * np.arange(lines) / lines))
     monkeypatch.setattr(spacing, "MIN_MOVABLE_FRACTION", 0.0)
     searched = fit_surface(mesh(), grid)
-    assert searched.distances(5).mean > 0.99 * even.distances(5).mean
+    assert searched.to_mesh.mean > 0.99 * even.to_mesh.mean
     monkeypatch.undo()
     monkeypatch.setattr(spacing, "refined_positions", None)
     kept = fit_surface(mesh(), grid)

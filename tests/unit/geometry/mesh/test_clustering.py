@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from skin_calib_addon.geometry.mesh.closest import distance_to
 from skin_calib_addon.geometry.mesh.clustering import COARSE_FACES, coarse_cover, coarse_mesh
 from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover
+from skin_calib_addon.geometry.mesh.distance import closest
 from tests.shapes import box, cylinder, same_mesh, together
 
 FINE = cylinder(around=240, along=120)
@@ -21,7 +21,7 @@ def test_coarse_mesh_is_near_the_surface_and_keeps_its_rims():
     """Fewer faces, within the height of a facet of a cell, and of the same length to rounding."""
     coarse = coarse_mesh(FINE)
     assert COARSE_FACES / 4 < len(coarse.faces) < 1.5 * COARSE_FACES
-    assert distance_to(FINE)(coarse.vertices)[0].max() < 2e-4
+    assert closest(FINE, coarse.vertices)[0].max() < 2e-4
     assert coarse.face_areas.sum() > 0.99 * FINE.face_areas.sum()
     for which in (np.min, np.max):
         assert abs(which(coarse.vertices[:, 2]) - which(FINE.vertices[:, 2])) < 1e-6

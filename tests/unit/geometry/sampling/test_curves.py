@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.geometry import Axis, TubeGrid, fit_surface
-from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.sampling.curves import curves, fold_distances, short_runs
 from skin_calib_addon.geometry.sampling.rays import RayCaster
 from tests.examples import slow
@@ -133,4 +133,4 @@ def test_boxes_that_touch_the_cover_do_not_pull_it():
     fit = fit_surface(together(tube, boxes), TubeGrid(6, 16, axis, 0.01))
     points = fit.surface.points(np.random.default_rng(0).uniform(0, 1, (500, 2)))
     assert fit.missing == 0
-    assert MeshDistance(tube)(points)[0].max() < 0.02e-3
+    assert closest(tube, points)[0].max() < 0.02e-3

@@ -20,7 +20,7 @@ from skin_calib_addon.geometry import (
     weld,
 )
 from skin_calib_addon.geometry.fit.fitting import fit_lines
-from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.surface.centre import length_fractions, surface_centre
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
@@ -143,7 +143,7 @@ def test_middle_of_the_mesh_is_the_same_for_every_net(mesh, grid):
     """A point of the mesh, however the planes and lines were placed."""
     centres = [fit_surface(mesh(), grid(*net)).surface.centre for net in NETS]
     assert np.ptp(centres, axis=0).max() < 1e-12
-    assert MeshDistance(mesh())(centres[0][None])[0] < 1e-9
+    assert closest(mesh(), centres[0][None])[0] < 1e-9
 
 
 def test_middle_over_a_hole_is_between_its_rims():

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.common.surface_errors import DistanceStatistics
-from skin_calib_addon.geometry.mesh.closest import split_faces
+from skin_calib_addon.geometry.mesh.face_parts import split_faces
 from skin_calib_addon.geometry.surface.distance import surface_samples
 from tests.oracles import nearest_on_triangle
 from tests.shapes import box, plane_surface

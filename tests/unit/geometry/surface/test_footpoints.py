@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 from skin_calib_addon.geometry import CoverSpec, TubeGrid, cut_cover, fit_surface, load_mesh, weld
 from skin_calib_addon.geometry.fit.fitting import fit_lines
-from skin_calib_addon.geometry.mesh.closest import split_faces
-from skin_calib_addon.geometry.surface.footpoints import _second_derivatives, footpoints
+from skin_calib_addon.geometry.mesh.face_parts import split_faces
+from skin_calib_addon.geometry.surface.footpoints import _second_derivatives, descend, footpoints
 from tests.shapes import Z_AXIS, cylinder, plane_surface, wrist_surface
 
 DATA = Path(__file__).parents[5] / "shared" / "data" / "meshes"
@@ -107,6 +107,20 @@ def test_footpoints_from_the_axis_of_a_tube_are_on_its_surface():
     radius = np.linalg.norm(fit.surface.grid_points(np.linspace(0, 1, 60), np.linspace(0, 1, 400))[..., :2], axis=2)
     found = footpoints(fit.surface, points)[1]
     assert (found >= radius.min() - 1e-6).all() and (found <= radius.max() + 1e-6).all()
+
+
+def test_second_minimum_is_found():
+    """In the middle of an oval tube both flat sides are nearly as near; the triangles of cells do not decide it."""
+    tube = weld(cylinder().vertices * (1, 0.5, 1), cylinder().faces)
+    surface = fit_surface(tube, TubeGrid(6, 30, Z_AXIS, 0.004)).surface
+    rng = np.random.default_rng(0)
+    points = np.column_stack((5e-3 * rng.normal(size=400), 1e-6 * rng.normal(size=400), rng.uniform(0.02, 0.06, 400)))
+    sides = []
+    for middle in (0.0, 0.25, 0.5, 0.75):
+        starts = np.column_stack((points[:, 2] / 0.08, np.full(400, middle)))
+        sides.append(descend(surface, starts, points)[1])
+    least = np.min(sides, axis=0)
+    assert (footpoints(surface, points)[1] <= least + 1e-9).all()
 
 
 @pytest.mark.slow

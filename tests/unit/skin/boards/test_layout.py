@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from skin_calib_addon.common.errors import InvalidPlan, OutsideSurface, millimetres
 from skin_calib_addon.geometry import AcrossGrid, TubeGrid, cut_cover, fit_grid, fit_surface, load_mesh
-from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles
+from skin_calib_addon.geometry.mesh.distance import closest, closest_on_triangles
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh
 from skin_calib_addon.plan import load_plan
 from skin_calib_addon.plan.skins import GAP, SIDE
@@ -244,7 +244,7 @@ def test_boards_are_on_the_mesh():
                 np.deg2rad(15)
             )
         outlines = (points[:, None] + SMALL.corners @ axes).reshape(-1, 3)
-        assert MeshDistance(mesh)(outlines)[0].max() <= MAX_GAP * SMALL.side
+        assert closest(mesh, outlines)[0].max() <= MAX_GAP * SMALL.side
         assert fit.is_trusted(boards.uv).all() and len(points) > 5
 
 
@@ -273,7 +273,7 @@ def test_no_board_is_over_a_vertex_that_the_fit_leaves_out():
     fit = flat_fit(TriangleMesh(vertices, mesh.faces))
     assert [warning.code for warning in fit.outliers] == ["outlier-vertices"]
     boards, _ = lay_boards(fit.surface, lattice, "all", mesh.vertices[highest], (1, 0, 0), fit=fit)
-    distances, faces, _ = MeshDistance(fit.given_mesh)(fit.surface.points(boards.uv))
+    distances, faces, _ = closest(fit.given_mesh, fit.surface.points(boards.uv))
     assert len(boards.cells) > 100 and distances.max() < 1e-3
     assert fit.given_mesh.face_normals[faces][:, 2].min() > np.cos(np.deg2rad(15))
     assert not (boards.cells == 0).all(axis=1).any()
