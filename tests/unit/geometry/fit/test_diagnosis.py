@@ -323,8 +323,8 @@ def test_limits_are_lengths_and_not_fractions_of_the_mesh(scale):
     at_sites = closest(mesh, (fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
     distance = fit.errors.surface_to_mesh.max
     assert fit.warnings == () and 4.5e-3 < at_sites / scale <= distance / scale < 5.3e-3
-    if distance > 0.01:
-        with pytest.raises(PoorFit, match=rf"is {distance * 1e3:.1f} mm \(limit 10 mm\) off the mesh at"):
+    if at_sites > 0.01:  # the report, which looks between the sites, comes after a refusal
+        with pytest.raises(PoorFit, match=rf"is {at_sites * 1e3:.1f} mm \(limit 10 mm\) off the mesh at"):
             fit_surface(mesh, grid)
         return
     warnings = fit_surface(mesh, grid).warnings
@@ -333,7 +333,7 @@ def test_limits_are_lengths_and_not_fractions_of_the_mesh(scale):
 
 
 @pytest.mark.parametrize(
-    ("max_deviation", "outcome"), [(0.0044, "refused"), (0.0046, "warning"), (0.022, "warning"), (0.023, "none")]
+    ("max_deviation", "outcome"), [(0.0044, "refused"), (0.0046, "warning"), (0.022, "warning"), (0.028, "none")]
 )
 def test_limits_follow_the_value_of_the_user(max_deviation, outcome):
     """The surface is 4.54 mm off: refused below this value, warned of below five times this value."""
