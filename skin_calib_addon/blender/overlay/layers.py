@@ -199,7 +199,13 @@ def _errors(fit: Any) -> tuple[np.ndarray, np.ndarray]:
     errors = np.concatenate((errors[:1], errors, errors[-1:]))
     before = errors[:, :0] if fit.lines.closed else errors[:, :1]
     errors = np.hstack((before, errors, errors[:, :1] if fit.lines.closed else errors[:, -1:]))
-    return fit.surface.grid_points(u, v), errors
+    points = fit.surface.grid_points(u, v)
+    # The maximum is between the samples: the point next to it moves there.
+    at, peak, distance = fit.worst
+    i, j = np.abs(u - at[0]).argmin(), np.abs(v - at[1]).argmin()
+    columns = [0, -1] if fit.lines.closed and j in (0, len(v) - 1) else [j]
+    points[i, columns], errors[i, columns] = peak, distance
+    return points, errors
 
 
 def _sampled_errors(fit: Any) -> tuple[np.ndarray, np.ndarray]:

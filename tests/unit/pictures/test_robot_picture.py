@@ -10,10 +10,11 @@ from skin_calib_addon.cli import main
 from skin_calib_addon.pictures.robot import COVERED, MIN_WIDTH, PICTURE_HEIGHT, _nearest, draw_robot
 from tests.samples import boards, small_calibration
 from tests.shapes import box, cylinder
+from tests.unit.commands.test_robot_set import fitted as fitted_fixture
 from tests.unit.commands.test_robot_set import robot as robot_fixture
 from tests.unit.pictures.test_picture import read_png
 
-robot = robot_fixture
+fitted, robot = fitted_fixture, robot_fixture
 
 
 def test_nearest_triangle_is_that_of_brute_force():
