@@ -174,11 +174,6 @@ def mesh_to_surface(
     def points(face: IntArray, at: Array) -> Array:
         return mesh.triangles[face, 0] + np.einsum("ks,ksc->kc", at, sides[face])
 
-    def counted(face: IntArray, uv: Array, found: Array, normals: Array) -> tuple[Array, Array]:
-        of_faces = mesh.face_normals[face]
-        counts = is_inside(surface, uv, known) & is_parallel(of_faces, normals, side)
-        return np.where(counts, found, NOT_COUNTED), _sine(of_faces, normals)[:, None] * norms(sides[face])
-
     def distances(face: IntArray, at: Array) -> tuple[Array, Array]:
         at[:, 0] = np.clip(at[:, 0], 0, 1)
         at[:, 1] = np.clip(at[:, 1], 0, 1 - at[:, 0])
