@@ -19,8 +19,9 @@ def main(archive, scene, out, report):
     bpy.ops.wm.open_mainfile(filepath=scene)
     bpy.ops.skin_calib.fit()
     bpy.ops.skin_calib.export_calibration(filepath=out)
-    places = {name: str(Path(sys.modules[name].__file__).parent) for name in ("numpy", "scipy", "trimesh")}
-    places["collada"] = str(Path(importlib.import_module("collada").__file__).parent)  # with what it imports
+    # The fit of a plain mesh needs no trimesh and no collada.
+    libraries = ("numpy", "scipy", "igl", "trimesh", "collada")
+    places = {name: str(Path(importlib.import_module(name).__file__).parent) for name in libraries}
     ours = [name for name in sys.modules if name.endswith("skin_calib_addon.pipeline")]
     version = sys.modules["scipy"].__version__
     Path(report).write_text(json.dumps({"before": before, "places": places, "ours": ours, "version": version}))

@@ -1,6 +1,7 @@
 """Drives the window from the opened sample to an exported calibration."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -92,7 +93,10 @@ def exports(gui):
     plain = gui.out / "plain.calibration.json"
     words = ["-m", "skin_calib_addon", "fit", ROOT / "sample_scenes/wrist.plan.json", "-o", plain]
     python = f"python{sys.version_info.major}.{sys.version_info.minor}"
-    subprocess.run([python, *words], cwd=ROOT, check=True, capture_output=True)
+    own = Path(sys.modules["igl"].__file__).parents[1]  # of the extension: the distribution has no libigl
+    subprocess.run(
+        [python, *words], cwd=ROOT, check=True, capture_output=True, env=os.environ | {"PYTHONPATH": str(own)}
+    )
     assert path.read_bytes() == plain.read_bytes()
 
 

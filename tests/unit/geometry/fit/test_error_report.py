@@ -176,7 +176,10 @@ def test_maximum_of_the_report_is_at_its_place():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LINKS)
 def test_errors_of_real_links_are_those_of_brute_force(name):
-    """Also where the surface is far from the mesh, as the plain nets of these links are."""
+    """Also where the surface is far from the mesh, as the plain nets of these links are.
+
+    The maxima are found by a search. Random points of the mesh miss narrow peaks: their largest is up to 6 % less.
+    """
     path = DATA / f"{name}.stl"
     if not path.exists():
         pytest.skip(f"no {path.name} here")
@@ -187,7 +190,7 @@ def test_errors_of_real_links_are_those_of_brute_force(name):
     assert_allclose(errors.surface_to_mesh.mean, there[0], rtol=0.03)
     assert there[1] <= errors.surface_to_mesh.max * 1.0001
     assert_allclose(errors.mesh_to_surface.mean, back[0], rtol=0.1)
-    assert_allclose(errors.mesh_to_surface.max, back[1], rtol=0.05)
+    assert back[1] <= errors.mesh_to_surface.max * 1.0001 <= back[1] * 1.1
 
 
 def test_inner_wall_of_a_shell_is_no_error():
