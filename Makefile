@@ -33,12 +33,12 @@ check-second: $(READY)  ## for a second Python: the extension, the tests in its 
 nightly:  ## everything, on both Pythons: more examples of each property, every window, whole robots, control; hours
 	.ci/run nightly
 
-everything: docs control-test  ## the part of "make nightly" with one Python
+everything: docs $(VENV)/control-ready  ## the part of "make nightly" with one Python
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python scripts/make_extension.py --platform linux-x64
-	$(PYTEST) --hypothesis-profile=full $(TESTS)
+	$(PYTEST) --hypothesis-profile=full tests control/tests $(TESTS)
 
 docs: $(VENV)/docs-ready  ## the documentation as a site in out/site; a wrong link, reference or formula fails
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
@@ -53,8 +53,8 @@ bench: $(VENV)/bench-ready  ## compare with the paper's method and with peers: t
 control: $(VENV)/control-ready  ## walk, land and balance with the skin in simulation: numbers, figures, animations
 	set -e; for name in $(CONTROL); do $(BIN)/python control/examples/$$name.py $(OPTIONS); done
 
-control-test: $(VENV)/control-ready  ## all tests of control/
-	$(PYTEST) --hypothesis-profile=full control/tests
+control-test: $(VENV)/control-ready  ## the quick tests of control/; "make nightly" runs its experiments, too
+	$(PYTEST) -m "not slow" control/tests
 
 wheel: $(READY)  ## the Python package in dist/; without what an earlier build left
 	rm -rf build
