@@ -37,7 +37,7 @@ AUTHOR_PACKAGES = ("scipy", "trimesh")  # a controller is installed without them
 
 
 def main(argv: Sequence[str] | None = None, scene_plans: "ScenePlans | None" = None) -> int:
-    """Run one command."""
+    """Run one command; return 0 for success, 1 for invalid data, 2 for an invalid call, 130 if interrupted."""
     words = sys.argv[1:] if argv is None else argv
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by the caller, as with ">&-"

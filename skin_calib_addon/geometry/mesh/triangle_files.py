@@ -10,27 +10,10 @@ from ...common.arrays import Array, IntArray
 # Format: one face of a binary STL file, after a header of 84 bytes that ends with their number.
 STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 STL_HEADER = 84  # Format
-# Format: names of the types of numbers in a PLY file.
-PLY_TYPES = {
-    "char": "i1",
-    "uchar": "u1",
-    "short": "i2",
-    "ushort": "u2",
-    "int": "i4",
-    "uint": "u4",
-    "float": "f4",
-    "double": "f8",
-}
-PLY_TYPES |= {
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "i2",
-    "uint16": "u2",
-    "int32": "i4",
-    "uint32": "u4",
-    "float32": "f4",
-}
-PLY_TYPES |= {"float64": "f8"}
+# Format: names of the types of numbers in a PLY file, old and new.
+PLY_TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"}
+PLY_TYPES |= {"float": "f4", "double": "f8"}
+PLY_TYPES |= {np.dtype(kind).name: kind for kind in PLY_TYPES.values()}
 PLY_HEADER = re.compile(
     rb"ply\r?\nformat binary_little_endian 1\.0\r?\n(?:(?:comment|obj_info)[^\n]*\n)*"
     rb"element vertex (?P<vertices>\d+)\r?\n(?P<properties>(?:property \w+ \w+\r?\n)+)"
