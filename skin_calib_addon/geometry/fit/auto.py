@@ -1,24 +1,20 @@
-"""The smallest grid within a tolerance: predicted by the error model, confirmed by fits."""
+"""The smallest grid within a tolerance: predicted by the splines that place its lines, confirmed by fits."""
 
-from bisect import insort
-from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
 from ...common.arrays import Array, IntArray
 from ...common.errors import InvalidPlan, UnderdeterminedFit, UnreachableTolerance
 from ..grid.axis import Axis
-from ..grid.error_model import ErrorModel
 from ..grid.grids import AutoGrid, Grid, PlanesGrid, Region, Size, Tolerance, Vector, length_warnings, region_of
-from ..grid.parametrizations import parametrized_lines
-from ..grid.spacing import MAX_MOVES, density_lines, line_positions, plane_positions
+from ..grid.heights import Heights, sampled_heights
+from ..grid.parametrizations import Parametrization
+from ..grid.spacing import MAX_MOVES, best_positions, spaced_lines
 from ..mesh.closest import distance_to
 from ..mesh.outliers import without_outliers
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
-from ..surface.distance import SAMPLES_PER_SPAN
 from .diagnosis import FOLDED_AREA, MAX_DEVIATION, DeviationLimits, maximum_deviation
 from .fitting import check_fit, fit_lines, fit_surface, left_out
 from .limits import better_axis, limit_of
@@ -27,80 +23,27 @@ from .surface_fit import SurfaceFit
 
 MAX_PLANES = 60  # [1] most u-planes of an automatic grid. Larger: tighter tolerances, more time
 MAX_LINES = 160  # [1] most lines per plane of an automatic grid. Larger: tighter tolerances, more time
+COUNT_RATIO = 1.3  # [1] ratio of successive numbers of planes or lines whose error is predicted. Smaller: more time
+# [fraction of an error] below which the error of one direction adds little to that of the other. Larger: more time.
+MINOR_ERROR_RATIO = 0.4
 MAX_FITS = 6  # [1] most fits of a search. Larger: a grid nearer to the smallest, more time
-# [1] proportions of planes and lines that are fitted, of those with the least predicted error. Larger: less error, more
-# time.
-MAX_PROPORTIONS = 3
-# [1] least ratio of the planes of two proportions, because predictions do not separate closer ones. Larger: fewer.
-MIN_PROPORTION_RATIO = 1.12
-# [1] control points of the nets that are fitted if no prediction is confirmed, before the largest. More: a smaller net
-# within the tolerance, more time.
-NET_SIZES = 150, 600, 2400
-# [1] ratio of the mean errors of two successive of these nets above which larger ones do not help. Larger: more fits.
-NO_GAIN_RATIO = 0.8
-NET_BISECTIONS = 2  # [1] nets between the last two of them. Larger: a smaller net, more time
 # [1] least ratio of the control points of two nets that are both fitted. Their errors have at least this ratio, too: a
 # fit that uses more of the tolerance is small enough. Larger: fewer fits.
 MIN_SIZE_RATIO = 1.1
 # [fraction of the tolerance] aim of the next fit, so that it does not exceed the tolerance narrowly. Larger: smaller
 # nets, more fits.
 TARGET_RATIO = 0.97
+# [1] control points of the nets that are fitted if no prediction is confirmed, before the largest. More: a smaller net
+# within the tolerance, more time.
+NET_SIZES = 150, 600, 2400
+# [1] ratio of the mean errors of two successive of these nets above which larger ones do not help. Larger: more fits.
+NO_GAIN_RATIO = 0.8
+NET_BISECTIONS = 2  # [1] nets between the last two of them. Larger: a smaller net, more time
 MEASURES = ("mean", "max")
-# [1] steps of planes and lines for nets that are fitted on trial. Larger: fewer control points, more time.
-TRIAL_MOVES = 2
-COUNT_RATIO = 1.4  # [1] ratio of successive numbers of planes or lines whose error is computed. Smaller: more time
-INITIAL_GAIN = 0.6  # [1] first estimate of the ratio of the errors at the best and at even positions
-# [fraction of an error] below which the error of one direction adds little to that of the other. Larger: more time.
-MINOR_ERROR_RATIO = 0.7
-# [fraction of an error] first aim of a prediction, because errors at unknown positions are estimates.
-FIRST_AIM_RATIO = 0.9
 
 
-class ErrorCurve:
-    """The error of planes, or of lines, as a function of their number.
-
-    The errors of even positions are computed for a few numbers, and those of the best positions for fewer. Between
-    them, the errors and the gains of the best positions follow power laws.
-    """
-
-    def __init__(self, even: Callable[[int], float], best: Callable[[int], tuple[float, Array]], first: int, most: int):
-        self.counts: IntArray = np.arange(first, most + 1)
-        self.even, self.best = cache(even), cache(best)
-        steps = int(np.log(most / first) / np.log(COUNT_RATIO)) + 1
-        self.sampled_counts = np.unique(np.rint(np.geomspace(first, most, steps + 1)).astype(np.int64))
-        self.solved: list[int] = []  # numbers whose best positions are computed, ascending
-
-    def positions(self, count: int) -> Array:
-        """Return the positions of ``count`` planes or lines with the least error."""
-        if count not in self.solved:
-            insort(self.solved, count)
-        return self.best(count)[1]
-
-    def error(self, count: int) -> float:
-        """Return the error of ``count`` planes or lines at the best positions [m]."""
-        self.positions(count)
-        return self.best(count)[0]
-
-    def errors(self, enough: float = 0.0) -> Array:
-        """Return the estimated error of each number at the best positions [m]; less exact below ``enough``."""
-        seen = []
-        for count in self.sampled_counts:
-            seen.append(self.even(int(count)))
-            if seen[-1] < enough:
-                break
-        even = power_law(self.counts, self.sampled_counts[: len(seen)], seen)
-        gains = {int(self.counts[0]): INITIAL_GAIN}
-        gains |= {count: self.best(count)[0] / even[count - self.counts[0]] for count in self.solved}
-        return even * power_law(self.counts, np.array(list(gains)), list(gains.values()))
-
-
-def power_law(wanted: IntArray, counts: IntArray, values: Sequence[float]) -> Array:
-    """Interpolate values at some counts by power laws; beyond the counts the values are constant."""
-    return np.exp(np.interp(np.log(wanted), np.log(counts), np.log(np.maximum(values, MIN_DISTANCE))))
-
-
-class SizePredictor:
-    r"""The predicted error of every grid, mean or largest.
+class Predictor:
+    r"""The predicted error of every net over a region, and its fit.
 
     The errors along u and along v add in squares:
 
@@ -113,109 +56,71 @@ class SizePredictor:
 
     def __init__(
         self,
-        error_model: ErrorModel,
+        mesh: TriangleMesh,
+        parametrization: Parametrization,
         degree: tuple[int, int],
         measure: str = "mean",
-        most: int = MAX_LINES,
-        moves: int = MAX_MOVES,
+        most: tuple[int, int] = (MAX_PLANES, MAX_LINES),
     ):
-        self.error_model, self.degree = error_model, degree
-        validation = error_model.halves[1]  # the half that did not select the positions
+        self.mesh, self.parametrization, self.degree, self.measure = mesh, parametrization, degree, measure
+        self.along, self.across = sampled_heights(mesh, parametrization)
+        self.planes, self.lines = (np.arange(p + 1, count + 1) for p, count in zip(degree, most))
 
-        def planes(n: int) -> tuple[float, Array]:
-            s = plane_positions(error_model, n, "auto", degree[0], moves)
-            return float(validation.misfits_along(s, degree[0], measure)), s
+    def smallest(self, error: float, above: float, below: float) -> tuple[int, int] | None:
+        """Return the planes and lines of the smallest net with at most this error [m], between two sizes."""
+        nets, errors = self.planes[:, None] * self.lines, self._errors(MINOR_ERROR_RATIO * error)
+        fits = (nets > above) & (nets < below) & (errors <= error)
+        if not fits.any():
+            return None
+        # Of nets with equal numbers of control points, the one with the least error: the error term is below one.
+        return self._size(np.where(fits, nets + errors / (2 * error), np.inf))
 
-        def lines(m: int) -> tuple[float, Array]:
-            t = line_positions(error_model, m, "auto", degree[1], moves)
-            return float(validation.misfits_across(t, degree[1], measure)), t
-
-        def even_planes(n: int) -> float:
-            return float(
-                validation.misfits_along(np.linspace(*error_model.parametrization.span, n), degree[0], measure)
-            )
-
-        def plainest_lines(m: int) -> float:
-            return float(validation.misfits_across(density_lines(error_model, m, degree[1]), degree[1], measure).min())
-
-        self.along = ErrorCurve(even_planes, planes, degree[0] + 1, MAX_PLANES)
-        self.across = ErrorCurve(plainest_lines, lines, degree[1] + 1, most)
-
-    @property
-    def most_control_points(self) -> int:
-        """Return the number of control points of the largest grid."""
-        return int(self.along.counts[-1] * self.across.counts[-1])
-
-    def forget(self) -> None:
-        """Return to the predictions before the first fit."""
-        self.along.solved.clear()
-        self.across.solved.clear()
+    def best(self, control_points: int) -> tuple[int, int]:
+        """Return the planes and lines of the net of least error with at most some control points."""
+        fits = self.planes[:, None] * self.lines <= control_points
+        return self._size(np.where(fits, self._errors(0.0), np.inf))
 
     def error(self, size: tuple[int, int]) -> float:
-        """Return the predicted error of a grid of some planes and lines [m]."""
-        return float(np.hypot(self.along.error(size[0]), self.across.error(size[1])))
+        """Return the predicted error of a net [m]."""
+        (n, m), (p, q) = size, self.degree
+        return float(np.hypot(self._error_at(self.along, n, p), self._error_at(self.across, m, q)))
 
-    def lines(self, size: tuple[int, int]) -> LineGrid:
-        """Return the lines of a grid at the positions with the least error."""
-        return parametrized_lines(
-            self.error_model.parametrization,
-            self.along.positions(size[0]),
-            self.across.positions(size[1]),
-            self.error_model.centre,
-        )
+    def fit(self, size: tuple[int, int]) -> SurfaceFit:
+        """Fit the net of a size."""
+        lines = spaced_lines(self.mesh, self.parametrization, size, self.degree)
+        return fit_lines(self.mesh, lines, self.degree)
 
-    def smallest_size(self, error: float, above: float = 0.0, below: float = np.inf) -> tuple[int, int] | None:
-        """Return planes and lines of the smallest net with at most this error; None without such a net.
+    def _size(self, cost: Array) -> tuple[int, int]:
+        i, j = divmod(int(np.argmin(cost)), len(self.lines))
+        return int(self.planes[i]), int(self.lines[j])
 
-        The best positions are computed where the answer seems to be, until they are known there.
-        """
-        along, across = self.along, self.across
-        nets = along.counts[:, None] * across.counts
-        allowed = (nets > above) & (nets < below)
-        good: tuple[int, int] | None = None  # the last grid with computed positions within the error
-        aim = FIRST_AIM_RATIO * error
-        while True:
-            errors = np.hypot(
-                along.errors(MINOR_ERROR_RATIO * error)[:, None], across.errors(MINOR_ERROR_RATIO * error)
-            )
-            fits = allowed & (errors <= aim)
-            if not fits.any():
-                if aim == error:
-                    break
-                aim = error
-                continue
-            # Of nets with equal numbers of control points, the one with the least error: the error term is below one.
-            i, j = divmod(int(np.argmin(np.where(fits, nets + errors / (2 * error), np.inf))), nets.shape[1])
-            size = int(along.counts[i]), int(across.counts[j])
-            if good and MIN_SIZE_RATIO * nets[i, j] > good[0] * good[1]:
+    def _errors(self, enough: float) -> Array:
+        """Return the errors of all nets [m]; errors of one direction below ``enough`` are not exact."""
+        along = self._errors_at(self.along, self.planes, self.degree[0], enough)
+        across = self._errors_at(self.across, self.lines, self.degree[1], enough)
+        return np.asarray(np.hypot(along[:, None], across))
+
+    def _errors_at(self, heights: Heights, counts: IntArray, degree: int, enough: float) -> Array:
+        """Return the errors of all counts in one direction, by power laws between some of them [m]."""
+        steps = int(np.log(counts[-1] / counts[0]) / np.log(COUNT_RATIO)) + 1
+        known, errors = np.unique(np.rint(np.geomspace(counts[0], counts[-1], steps + 1)).astype(np.int64)), []
+        for count in known:
+            errors.append(max(self._error_at(heights, int(count), degree), MIN_DISTANCE))
+            if errors[-1] < enough:
                 break
-            known = size[0] in along.solved and size[1] in across.solved
-            if self.error(size) <= error:
-                good = size
-            if known:
-                break
-            aim = error
-        return good
+        return np.exp(np.interp(np.log(counts), np.log(known[: len(errors)]), np.log(errors)))
 
-    def best_sizes(self, control_points: int, count: int) -> list[tuple[int, int]]:
-        """Return the sizes of least error with at most some control points, best first, in different proportions."""
-        along, across = self.along, self.across
-        widest = np.minimum(control_points // along.counts, across.counts[-1])
-        fits = widest >= across.counts[0]
-        while True:
-            errors = np.hypot(along.errors()[fits], across.errors()[widest[fits] - across.counts[0]])
-            sizes: list[tuple[int, int]] = []
-            for i in np.argsort(errors, kind="stable"):
-                n, m = int(along.counts[fits][i]), int(widest[fits][i])
-                if len(sizes) < count and all(
-                    max(n, other) > MIN_PROPORTION_RATIO * min(n, other) for other, _ in sizes
-                ):
-                    sizes.append((n, m))
-            if all(n in along.solved and m in across.solved for n, m in sizes):
-                break
-            for size in sizes:
-                self.error(size)
-        return sizes
+    def _error_at(self, heights: Heights, count: int, degree: int) -> float:
+        positions = best_positions(heights, count, degree, MAX_MOVES)
+        return heights.error(positions, degree, self.measure)
+
+
+def error_of(fit: SurfaceFit, measure: str, tolerance: float = 0.0) -> float:
+    """Return the mean or largest distance from surface to mesh [m]: above the tolerance it is an estimate."""
+    points, bounds, areas = fit.bounds()
+    distance = distance_to(fit.mesh)
+    error = confirmed_error(bounds, areas, lambda chosen: distance(points[chosen])[0], measure, tolerance)
+    return largest_distance(fit, distance) if measure == "max" and (error <= tolerance or not tolerance) else error
 
 
 def fit_to_tolerance(
@@ -271,23 +176,107 @@ def _smallest(
         )
     given, (mesh, outliers) = mesh, without_outliers(mesh)
     parametrization = grid.region.parametrization(mesh)
-    error_model = ErrorModel.of(mesh, parametrization, MAX_PLANES)
-    predictor = SizePredictor(error_model, degrees, measure, moves=TRIAL_MOVES)
-    limits = DeviationLimits.of(max_deviation, tolerance, measure)
-    search = Search(mesh, predictor, tolerance, measure, limits)
-    search.run()
-    if search.best is None:
-        search.enlarge()
-    if search.best is None:
+    search = Search(Predictor(mesh, parametrization, degrees, measure), tolerance, measure, max_deviation)
+    fit = search.predicted() or search.enlarged()
+    if fit is None:
         raise refusal(search, grid.region)
-    lines = replace(search.best.lines, warnings=length_warnings(grid.region, parametrization, mesh))
-    return replace(search.best, lines=lines, **left_out(given, outliers))
+    lines = replace(fit.lines, warnings=length_warnings(grid.region, parametrization, mesh))
+    return replace(fit, lines=lines, **left_out(given, outliers))
 
 
-def refusal(search: "Search", region: Region) -> UnreachableTolerance:
+class Search:
+    """A search for the smallest net within a tolerance.
+
+    A surface that folds, or that is too far from the mesh somewhere, does not count.
+    """
+
+    def __init__(self, predictor: Predictor, tolerance: float, measure: str, max_deviation: float):
+        self.predictor, self.tolerance, self.measure = predictor, tolerance, measure
+        self.limits = DeviationLimits.of(max_deviation, tolerance, measure)
+        self.nets: list[SurfaceFit] = []  # larger and larger ones, which do not depend on the tolerance
+
+    def fit(self, size: tuple[int, int]) -> SurfaceFit:
+        """Fit the net of a size."""
+        return replace(self.predictor.fit(size), limits=self.limits)
+
+    def predicted(self) -> SurfaceFit | None:
+        """Fit the smallest net that is predicted to meet the tolerance; each fit corrects the next prediction."""
+        best: SurfaceFit | None = None
+        failed, ratio = 0, 1.0
+        for _ in range(MAX_FITS):
+            below = net_size(best) / MIN_SIZE_RATIO if best else np.inf
+            size = self.predictor.smallest(TARGET_RATIO * self.tolerance / ratio, MIN_SIZE_RATIO * failed, below)
+            if size is None:
+                break
+            fit = self.fit(size)
+            error = error_of(fit, self.measure, self.tolerance)
+            if error <= self.tolerance and self.is_usable(fit, self.tolerance):
+                best = fit
+                if error > self.tolerance / MIN_SIZE_RATIO:
+                    break
+            else:
+                failed = net_size(fit)
+            ratio = error / max(self.predictor.error(size), MIN_DISTANCE)
+        return best
+
+    def enlarged(self) -> SurfaceFit | None:
+        """Fit larger and larger nets of least predicted error until one meets the tolerance; None if none does.
+
+        The nets and their errors do not depend on the tolerance. Of two tolerances that are refused, both therefore
+        have the same achievable error, and a tolerance that equals it is met. The largest distance of a larger net may
+        be larger, so that all of these nets are tried.
+        """
+        best: SurfaceFit | None = None
+        failed, least = 0, np.inf
+        for count in (*NET_SIZES, MAX_PLANES * MAX_LINES):
+            fit = self.fit(self.predictor.best(count))
+            self.nets.append(fit)
+            if self.meets(fit):
+                best = fit
+                break
+            failed = net_size(fit)
+            before, least = least, error_of(fit, self.measure)
+            if self.measure == "mean" and least > NO_GAIN_RATIO * before:
+                break
+        for _ in range(NET_BISECTIONS if best else 0):  # between the last two nets
+            count = int(np.sqrt(failed * net_size(best)))
+            if count <= MIN_SIZE_RATIO * failed:
+                break
+            fit = self.fit(self.predictor.best(count))
+            if self.meets(fit):
+                best = fit
+            else:
+                failed = count
+        return best
+
+    def meets(self, fit: SurfaceFit) -> bool:
+        """Return whether a fit is within the tolerance and usable."""
+        return error_of(fit, self.measure, self.tolerance) <= self.tolerance and self.is_usable(fit, self.tolerance)
+
+    def is_usable(self, fit: SurfaceFit, error: float) -> bool:
+        """Return whether a fit with this error [m] neither folds nor is too far from the mesh somewhere."""
+        limit = max(self.limits.refused, error)
+        deviation, _ = maximum_deviation(fit.mesh, fit.lines, fit.basis, fit.samples, limit)
+        return deviation <= limit and fit.smallest_area >= FOLDED_AREA
+
+    def nearest(self) -> tuple[float, SurfaceFit]:
+        """Return the least error of the enlarged nets [m], rounded up, and its fit; infinite if all of them fold."""
+        whole = [(error_of(fit, self.measure), fit) for fit in self.nets if fit.smallest_area >= FOLDED_AREA]
+        if not whole:
+            return np.inf, self.nets[0]
+        usable = [(error, fit) for error, fit in whole if self.is_usable(fit, error)]
+        error, fit = min(usable or whole, key=lambda found: found[0])
+        tolerance = 0.0
+        while error > tolerance:
+            tolerance = rounded_up(error * 1e3) / 1e3
+            error = error_of(fit, self.measure, tolerance)
+        return tolerance, fit
+
+
+def refusal(search: Search, region: Region) -> UnreachableTolerance:
     """Return why no net is within the tolerance, with the least error of the enlarged nets."""
     wrong = f"No surface is within {search.tolerance * 1e3:g} mm ({search.measure}) of this mesh"
-    least, nearest = search.nearest
+    least, nearest = search.nearest()
     other = better_axis(nearest, region, search.measure, search.tolerance if np.isinf(least) else least)
     if np.isinf(least):
         fold = next(warning for warning in nearest.warnings if warning.code == "folded")
@@ -351,170 +340,12 @@ def fit_to_count(
             f"Degree {degrees[0]} x {degrees[1]} needs at least {fewest_n * fewest_m} control points, but "
             f"{control_points} are allowed. Allow more, or lower the degree."
         )
-    most = min(control_points // fewest_m, MAX_PLANES)
+    most = min(control_points // fewest_m, MAX_PLANES), min(control_points // fewest_n, MAX_LINES)
     given, (mesh, outliers) = mesh, without_outliers(mesh)
-    error_model = ErrorModel.of(mesh, region_of(axis, margin, sector, normal).parametrization(mesh), most)
-    predictor = SizePredictor(error_model, degrees, most=min(control_points // fewest_n, MAX_LINES))
-    fits = [
-        fit_lines(mesh, predictor.lines(size), degrees)
-        for size in predictor.best_sizes(control_points, MAX_PROPORTIONS)
-    ]
-    best = min(fits, key=lambda fit: fit.distances(SAMPLES_PER_SPAN).mean)
-    best = replace(best, **left_out(given, outliers))
-    check_fit(best)
-    return best
-
-
-class Search:
-    """A search for the smallest net within a tolerance; ``best`` is the smallest that was found.
-
-    A surface that folds, or that is too far from the mesh somewhere, does not count.
-    """
-
-    def __init__(
-        self, mesh: TriangleMesh, predictor: SizePredictor, tolerance: float, measure: str, limits: DeviationLimits
-    ):
-        self.mesh, self.predictor, self.tolerance, self.measure = mesh, predictor, tolerance, measure
-        self.limits = limits
-        self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}
-        self.enlarged: list[tuple[int, int]] = []  # the enlarged nets, which do not depend on the tolerance
-        self.is_usable = cache(self._is_usable)
-        self.distances = cache(self._distances)
-        self.estimate = cache(self._estimate)
-
-    @property
-    def best(self) -> SurfaceFit | None:
-        """Return the smallest of the fitted nets within the tolerance; None without one."""
-        return min((fit for size, (_, fit) in self.tried.items() if self.meets(size)), key=net_size, default=None)
-
-    def meets(self, size: tuple[int, int]) -> bool:
-        """Return whether the fit of this size is within the tolerance and usable."""
-        error, fit = self.tried[size]
-        return error <= self.tolerance and self.is_usable(fit, self.tolerance)
-
-    def _is_usable(self, fit: SurfaceFit, error: float) -> bool:
-        """Return whether a fit with this error [m] neither folds nor is too far from the mesh somewhere."""
-        limit = max(self.limits.refused, error)
-        deviation, _ = maximum_deviation(fit.mesh, fit.lines, fit.basis, fit.samples, limit)
-        return deviation <= limit and fit.smallest_area >= FOLDED_AREA
-
-    def run(self) -> None:
-        """Fit the smallest grid that is predicted to meet the tolerance; each fit corrects the next prediction."""
-        while len(self.tried) < MAX_FITS:
-            below = net_size(self.best) / MIN_SIZE_RATIO if self.best else np.inf
-            size = self.predictor.smallest_size(self.target, MIN_SIZE_RATIO * self.largest_failed, below)
-            if size is None or size in self.tried:
-                break
-            error = self.error(size)
-            if self.tolerance / MIN_SIZE_RATIO < error and self.meets(size):
-                break
-
-    def enlarge(self) -> None:
-        """Fit larger and larger nets of least predicted error until one meets the tolerance.
-
-        The nets and their errors do not depend on the tolerance. Of two tolerances that are refused, both therefore
-        have the same achievable error, and a tolerance that equals it is met. The largest distance of a larger net may
-        be larger, so that all of these nets are tried.
-        """
-        self.predictor.forget()
-        failed, most = 0, self.predictor.most_control_points
-        least = np.inf
-        for count in (*NET_SIZES, most):
-            size = self.predictor.best_sizes(min(count, most), 1)[0]
-            if size not in self.enlarged:
-                self.enlarged.append(size)
-                self.error(size)
-                fit = self.tried[size][1]
-                if self.measure == "max" and fit.smallest_area >= FOLDED_AREA:  # ``error`` may be an estimate
-                    self.tried[size] = self.estimate(fit), fit
-            if self.best:
-                break
-            failed = size[0] * size[1]
-            if self.measure == "mean":
-                before, least = least, self.estimate(self.tried[size][1])
-                if least > NO_GAIN_RATIO * before:
-                    break
-        for _ in range(NET_BISECTIONS):  # between the last two nets
-            if self.best is None:
-                break
-            count = int(np.sqrt(failed * net_size(self.best)))
-            if count <= MIN_SIZE_RATIO * failed:
-                break
-            size = self.predictor.best_sizes(count, 1)[0]
-            self.error(size)
-            if not self.meets(size):
-                failed = count
-
-    @property
-    def nearest(self) -> tuple[float, SurfaceFit]:
-        """Return the least error of the enlarged nets [m], rounded up, and its fit; infinite if all of them fold."""
-        fits = [self.tried[size][1] for size in self.enlarged]
-        whole = [(self.estimate(fit), fit) for fit in fits if fit.smallest_area >= FOLDED_AREA]
-        if not whole:
-            return np.inf, fits[0]
-        usable = [(error, fit) for error, fit in whole if self.is_usable(fit, error)]
-        _, fit = min(usable or whole, key=lambda found: found[0])
-        return self.confirmed(fit), fit
-
-    def _estimate(self, fit: SurfaceFit) -> float:
-        """Return the largest distance, or the mean by a part of the exact distances, whatever the tolerance [m]."""
-        if self.measure == "max":
-            return largest_distance(fit, distance_to(self.mesh))
-        return confirmed_error(*self.distances(fit), "mean", 0.0)
-
-    def confirmed(self, fit: SurfaceFit) -> float:
-        """Return the least tolerance of two digits for which ``error`` confirms that a fit is within it [m]."""
-        error, tolerance = self.estimate(fit), 0.0
-        while error > tolerance:
-            tolerance = rounded_up(error * 1e3) / 1e3
-            if self.measure == "mean":
-                error = confirmed_error(*self.distances(fit), "mean", tolerance)
-        return tolerance
-
-    def _distances(self, fit: SurfaceFit) -> tuple[Array, Array, Callable[[IntArray], Array]]:
-        """Return the upper bounds of the distances [m], the areas [m^2], and a function for exact distances [m]."""
-        points, bounds, areas = fit.bounds()
-        return bounds, areas, lambda chosen: distance_to(self.mesh)(points[chosen])[0]
-
-    @property
-    def largest_failed(self) -> int:
-        """Return the control points of the largest net that does not count, smaller than the best; 0 without one."""
-        most = net_size(self.best) if self.best else 0
-        missed = [net_size(fit) for size, (_, fit) in self.tried.items() if not self.meets(size)]
-        return max((count for count in missed if count < most), default=0)
-
-    @property
-    def target(self) -> float:
-        """Return the predicted error of the next grid [m].
-
-        It is corrected by the errors so far, and less than the predictions of all nets above the tolerance.
-        """
-        missed = [self.predictor.error(size) for size, (error, _) in self.tried.items() if error > self.tolerance]
-        target = TARGET_RATIO * self.tolerance / self.prediction_ratio
-        return min(target, min(missed) / MIN_SIZE_RATIO) if missed and self.best is None else target
-
-    @property
-    def prediction_ratio(self) -> float:
-        """Return the ratio of error and prediction of the fit nearest to the tolerance; 1 before the first fit."""
-        if not self.tried:
-            return 1.0
-        size = min(self.tried, key=lambda size: abs(np.log(self.tried[size][0] / self.tolerance)))
-        return self.tried[size][0] / self.predictor.error(size)
-
-    def error(self, size: tuple[int, int]) -> float:
-        """Return the error of the fit of this size [m]: within the tolerance only if this is confirmed."""
-        if size not in self.tried:
-            fit = self.fit(size)
-            error = confirmed_error(*self.distances(fit), self.measure, self.tolerance)
-            if self.measure == "max" and error <= self.tolerance:
-                error = max(error, self.estimate(fit))
-            self.tried[size] = error, fit
-        return self.tried[size][0]
-
-    def fit(self, size: tuple[int, int]) -> SurfaceFit:
-        """Return the fit of this size."""
-        fit = fit_lines(self.mesh, self.predictor.lines(size), self.predictor.degree)
-        return replace(fit, limits=self.limits)
+    predictor = Predictor(mesh, region_of(axis, margin, sector, normal).parametrization(mesh), degrees, most=most)
+    fit = replace(predictor.fit(predictor.best(control_points)), **left_out(given, outliers))
+    check_fit(fit)
+    return fit
 
 
 def net_size(fit: SurfaceFit) -> int:
