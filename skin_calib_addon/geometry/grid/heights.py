@@ -88,6 +88,17 @@ class Heights:
             return float((distances * found.known).max())
         return float((distances * areas).sum() / max(areas.sum(), np.finfo(float).tiny))
 
+    def span_errors(self, positions: Array, degree: int) -> Array:
+        """Return the mean square of the residuals in each span [m^2]; 0 without hits.
+
+        A site on a knot counts half for each side, so that a mirrored mesh has mirrored errors.
+        """
+        found = self.splines(positions, degree, ERROR_SITES)
+        sums = np.stack(((found.residuals**2 * found.known).sum(axis=0), found.known.sum(axis=0)))
+        pairs = sums + np.roll(sums, -1, axis=1) if self.closed else sums[:, :-1] + sums[:, 1:]
+        squares, counts = pairs.reshape(2, -1, ERROR_SITES).sum(axis=2)
+        return np.asarray(squares / np.maximum(counts, 1))
+
     def residual_slopes(self, positions: Array, degree: int) -> tuple[Array, Array]:
         """Return the residuals (r l,) and their derivatives (r l, m) by the positions.
 

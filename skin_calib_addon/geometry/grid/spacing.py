@@ -22,6 +22,10 @@ MIN_CURVATURE_FRACTION = 1e-3
 # [steps of an outline] width of the average of the curvature, because the edges of facets have curvature too. Larger:
 # corners get fewer lines.
 SMOOTHING_WIDTH = 2.3
+# [1] The length of a span is divided by this power of its mean square error. The mean square error of a cubic is
+# proportional to the ninth power of the length. Larger: stronger changes of the spans.
+ERROR_EXPONENT = 0.11
+EQUALIZING_ROUNDS = 3  # [1] iterations that equalize the errors of all spans. Larger: little effect, more time
 MAX_MOVES = 8  # [1] most steps of the positions. Larger: slightly less error, more time
 # [1] ratio of errors, or of their squares, above which there is no gain: even positions are kept, and the steps have
 # converged. Larger: noise moves lines, more steps.
@@ -105,24 +109,37 @@ def density_map(heights: Heights, spacing: str) -> SpacingMap:
 def best_positions(heights: Heights, count: int, degree: int, moves: int) -> Array:
     """Return positions of planes or lines with little error, or even ones if these are nearly as good.
 
-    The search starts at even spans, and at spans that follow the curvature; of closed curves also half a span further.
-    From each start it moves the positions one by one.
+    The search starts at even spans and at spans that follow the curvature, of closed curves also half a span further,
+    and at spans with equal errors. From each start it moves the positions one by one.
     """
     even = even_positions(heights.edges, count, heights.closed)
     if not heights.predicts:
         return locked(even)
     spans = np.arange(count) / count if heights.closed else greville(clamped_knots(count, degree), degree)
-    starts = [
-        np.interp(spans + shift / count, *spacing)
-        for spacing in (even_map(heights), density_map(heights, "curvature"))
-        for shift in ((0.0, 0.5) if heights.closed else (0.0,))
-    ]
+    maps = [even_map(heights), density_map(heights, "curvature")]
+    shifts = (0.0, 0.5 / count) if heights.closed else (0.0,)
+    starts = [np.interp(spans + shift, *spacing) for spacing in maps for shift in shifts]
+    spacing = min(maps, key=lambda spacing: heights.error(np.interp(spans, *spacing), degree))
+    for _ in range(EQUALIZING_ROUNDS):
+        spacing = equalized(spacing, heights.span_errors(np.interp(spans, *spacing), degree), heights.closed)
+    starts.append(np.interp(spans, *spacing))
     if not heights.bends:
         starts = [refined(heights, start, degree, moves) for start in starts]
     best = min(starts, key=lambda start: heights.error(start, degree))
     rounding = float(np.finfo(np.float32).eps * np.abs(heights.values).mean())  # of vertices in mesh files
     before, after = (heights.error(positions, degree) for positions in (even, best))
     return locked(best if after < MAX_ERROR_RATIO * before - rounding else even)
+
+
+def equalized(spacing: SpacingMap, energy: Array, closed: bool) -> SpacingMap:
+    """Return a map with shorter spans where one has more error: ``energy`` is the mean square error of each."""
+    if not energy.any():
+        return spacing
+    energy = energy / energy.mean()
+    padded = np.concatenate((energy[-1:], energy, energy[:1])) if closed else np.pad(energy, 1, mode="edge")
+    weight = np.maximum((padded[:-2] + 2 * energy + padded[2:]) ** ERROR_EXPONENT, MIN_INTERVAL)
+    cumulative = np.append(0.0, np.cumsum(weight))
+    return cumulative / cumulative[-1], np.interp(np.linspace(0, 1, len(energy) + 1), *spacing)
 
 
 def refined(heights: Heights, positions: Array, degree: int, moves: int) -> Array:
