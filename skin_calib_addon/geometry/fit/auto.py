@@ -238,7 +238,9 @@ class Search:
             before, least = least, error_of(fit, self.measure)
             if self.measure == "mean" and least > NO_GAIN_RATIO * before:
                 break
-        for _ in range(NET_BISECTIONS if best else 0):  # between the last two nets
+        for _ in range(NET_BISECTIONS):  # between the last two nets
+            if best is None:
+                break
             count = int(np.sqrt(failed * net_size(best)))
             if count <= MIN_SIZE_RATIO * failed:
                 break
