@@ -14,9 +14,7 @@ from skin_calib_addon.geometry import (
     fit_surface,
     fit_to_tolerance,
 )
-from skin_calib_addon.geometry.fit.auto import SizePredictor, net_size
-from skin_calib_addon.geometry.fit.fitting import fit_lines
-from skin_calib_addon.geometry.grid.error_model import ErrorModel
+from skin_calib_addon.geometry.fit.auto import Predictor, net_size
 from skin_calib_addon.geometry.grid.grids import Tolerance, region_of
 from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.surface.distance import surface_samples
@@ -235,7 +233,7 @@ def test_plan_is_carried_out(members, kind, measure, tolerance):
 
 def test_chords_go_on_from_the_smallest_grid():
     """With chords the surface lies over the facets of the very lines that were found without."""
-    mesh, grid = cylinder(around=24), AutoGrid(9e-5, axis=Z_AXIS, margin=0.004, sector=(-1.0, 1.5))
+    mesh, grid = cylinder(around=24), AutoGrid(1e-4, axis=Z_AXIS, margin=0.004, sector=(-1.0, 1.5))
     plain, bulged = (fit_grid(mesh, grid, (3, 3), chords) for chords in (False, True))
     assert plain.lines.origins.tobytes() == bulged.lines.origins.tobytes()
     uv = surface_samples(plain.surface)[0]
@@ -266,13 +264,14 @@ def test_parametrization_of_an_automatic_grid_is_that_of_its_kind():
 def test_smallest_grid_of_the_model_keeps_its_error():
     """What is predicted of the grid it names keeps within; of grids of two thirds of its control points none does."""
     mesh = coarse_wrist()
-    predictor = SizePredictor(ErrorModel.of(mesh, region_of(**SECTOR).parametrization(mesh), 60), (3, 3))
+    predictor = Predictor(mesh, region_of(**SECTOR).parametrization(mesh), (3, 3))
     for error in np.geomspace(2e-3, 2e-5, 12):
-        n, lines = predictor.smallest_size(error)
-        assert predictor.error((n, lines)) <= error
+        n, lines = predictor.smallest(error, 0, np.inf)
+        assert predictor.error((n, lines)) <= 1.25 * error  # between the numbers whose errors are predicted
         fewer = [(i, 2 * n * lines // 3 // i) for i in range(4, 20)]
         assert all(predictor.error(size) > error for size in fewer if size[1] >= 4)
-    assert predictor.smallest_size(1e-12) is None
+    assert predictor.smallest(1e-12, 0, np.inf) is None
+    assert predictor.smallest(1e-3, 100, 120) is not None and predictor.smallest(1e-3, 100, 101) is None
 
 
 TUBE = {"axis": Z_AXIS, "margin": 0.004}
@@ -290,10 +289,10 @@ TUBE = {"axis": Z_AXIS, "margin": 0.004}
     ],
 )
 def test_prediction_is_what_a_fit_keeps(mesh, where, off):
-    """Within a tenth or a seventh all round, a fifth of patches, by exact distances, down to what the facets leave."""
-    predictor = SizePredictor(ErrorModel.of(mesh, region_of(**where).parametrization(mesh), 60), (3, 3))
+    """Within a tenth all round, and a fifth of patches, by exact distances, down to what the facets leave."""
+    predictor = Predictor(mesh, region_of(**where).parametrization(mesh), (3, 3))
     for size in ((4, 5), (4, 8), (6, 5), (5, 11), (8, 12), (8, 17), (10, 20)):
-        fit = fit_lines(mesh, predictor.lines(size), (3, 3))
+        fit = predictor.fit(size)
         np.testing.assert_allclose(predictor.error(size), fit.errors.surface_to_mesh.mean, rtol=off, err_msg=str(size))
 
 
