@@ -36,11 +36,16 @@ TARGET_RATIO = 0.97
 NET_SIZES = 150, 600, 2400
 # [1] ratio of the mean errors of two successive of these nets above which larger ones do not help. Larger: more fits.
 NO_GAIN_RATIO = 0.8
-PRIOR = 0.3
+# [fraction of the tolerance] predicted error of a smaller net that is fitted although it may be too large, because
+# predictions are pessimistic as often as optimistic. Larger: smaller nets, more fits.
 TRIAL_RATIO = 1.15
-WEIGHT_EXPONENT = 1.0
-FOLD_RATIO = 1.3
-MIN_FACTOR = 0.05
+# [1] weight of equal factors along u and along v against one fit whose error is the tolerance. Larger: several fits are
+# needed to see that one direction is predicted badly.
+EQUAL_WEIGHT = 0.3
+MIN_FACTOR = 0.05  # [1] least factor over that of both directions. Larger: no direction is taken for exact
+# [fraction of the tolerance] error that stands for a fold or a far point, which other nets do not have. Larger: the
+# next net is larger.
+UNUSABLE_RATIO = 1.3
 MEASURES = ("mean", "max")
 MIN_DISTANCE = 1e-300  # [m] lower bound of a distance in a logarithm
 # [fraction of the largest distance] that is added to it: a peak may be between the points of its search. Larger: safer,
@@ -102,7 +107,7 @@ class Predictor:
 
     def fit(self, size: tuple[int, int]) -> SurfaceFit:
         """Fit the net of a size."""
-        lines = spaced_lines(self.mesh, self.parametrization, size, self.degree)
+        lines = spaced_lines(self.mesh, self.parametrization, size, self.degree, draft=True)
         return fit_lines(self.mesh, lines, self.degree)
 
     def _size(self, cost: Array) -> tuple[int, int]:
@@ -267,18 +272,18 @@ class Search:
             return np.ones(2)
         parts = np.square([self.predictor.parts(size) for size in self.tried]) + MIN_DISTANCE
         errors = np.array([self.counted(*found) for found in self.tried.values()])
-        weights = np.minimum(errors / self.tolerance, self.tolerance / errors) ** WEIGHT_EXPONENT
+        weights = np.minimum(errors / self.tolerance, self.tolerance / errors)
         ratios = errors**2 / parts.sum(axis=1)
         common = np.exp(weights @ np.log(ratios) / weights.sum())
-        rows = np.concatenate((weights[:, None] * parts / errors[:, None] ** 2 * common, PRIOR * np.eye(2)))
-        goals = np.append(weights, (PRIOR, PRIOR))
+        rows = np.concatenate((weights[:, None] * parts / errors[:, None] ** 2 * common, EQUAL_WEIGHT * np.eye(2)))
+        goals = np.append(weights, (EQUAL_WEIGHT, EQUAL_WEIGHT))
         return np.asarray(common * np.maximum(np.linalg.lstsq(rows, goals, rcond=None)[0], MIN_FACTOR))
 
     def counted(self, error: float, fit: SurfaceFit) -> float:
         """Return the error of a fit [m], or more than the tolerance if it is not usable."""
         if error > self.tolerance or self.is_usable(fit, self.tolerance):
             return float(np.clip(error, 1e-3 * self.tolerance, 1e3 * self.tolerance))
-        return FOLD_RATIO * self.tolerance
+        return UNUSABLE_RATIO * self.tolerance
 
     def enlarge(self) -> None:
         """Fit larger and larger nets of least predicted error until one meets the tolerance.

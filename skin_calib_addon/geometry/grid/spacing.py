@@ -113,13 +113,13 @@ def best_positions(heights: Heights, count: int, degree: int, draft: bool = Fals
     The search starts at even spans and at spans that follow the curvature, of closed curves also half a span further,
     and at spans with equal errors. From each start it moves the positions one by one.
     """
-    even = even_positions(heights.edges, count, heights.closed)
     if not heights.predicts:
-        return locked(even)
+        return locked(even_positions(heights.edges, count, heights.closed))
     spans = np.arange(count) / count if heights.closed else greville(clamped_knots(count, degree), degree)
     maps = [even_map(heights), density_map(heights, "curvature")]
     shifts = (0.0, 0.5 / count) if heights.closed else (0.0,)
     starts = [np.interp(spans + shift, *spacing) for spacing in maps for shift in shifts]
+    even = starts[0]
     spacing = min(maps, key=lambda spacing: heights.error(np.interp(spans, *spacing), degree))
     for _ in range(EQUALIZING_ROUNDS):
         spacing = equalized(spacing, heights.span_errors(np.interp(spans, *spacing), degree), heights.closed)

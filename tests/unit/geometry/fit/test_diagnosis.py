@@ -387,7 +387,7 @@ def test_placed_planes_follow_a_step(at):
         fit_surface(mesh, TubeGrid(8, 16, Z_AXIS, 0.004, spacing), max_deviation=allowed)
         for spacing in ("auto", "uniform")
     )
-    assert placed.warnings == () and placed.smallest_area > 0.05
+    assert placed.warnings == () and placed.smallest_area > 0.1
     assert placed.errors.hausdorff < 0.6 * even.errors.hausdorff
 
 
@@ -455,7 +455,7 @@ def test_surface_that_closes_to_a_point_is_a_warning(n):
     assert warning.advice == "Move planes apart, or increase the margin."
 
 
-@pytest.mark.parametrize("tip, is_narrow", [(0.0056, False), (0.0035, True)])
+@pytest.mark.parametrize("tip, is_narrow", [(0.0125, False), (0.0075, True)])
 def test_cone_is_too_narrow_where_its_area_element_is_a_fiftieth(tip, is_narrow):
     """The end of a cone has one or the other of two radii; its area element is 2.6 or 1.7 % of the mean."""
 
@@ -464,7 +464,7 @@ def test_cone_is_too_narrow_where_its_area_element_is_a_fiftieth(tip, is_narrow)
         return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * fraction))
 
     fit = fit_surface(welded(tube_mesh(point, 96, 40)), TubeGrid(8, 16, Z_AXIS, 1e-4))
-    assert_allclose(fit.smallest_area, 0.0186 if is_narrow else 0.0263, rtol=0.1)
+    assert_allclose(fit.smallest_area, 0.0167 if is_narrow else 0.0263, rtol=0.02)
     assert [w.code for w in fit.warnings] == ["nearly-folded"] * is_narrow
 
 
