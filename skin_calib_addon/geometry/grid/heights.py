@@ -100,7 +100,7 @@ class Heights:
         return np.asarray(squares / np.maximum(counts, 1))
 
     def residual_slopes(self, positions: Array, degree: int) -> tuple[Array, Array]:
-        """Return the residuals (r l,) and their derivatives (r l, m) by the positions.
+        """Return the residuals (r l,) and their derivatives (r l, m) by the positions, weighted by their widths.
 
         A moving line moves a point across its ray, where the height of the mesh changes, and along its ray. The splines
         are fitted again, so that only what is orthogonal to them remains.
@@ -113,7 +113,8 @@ class Heights:
         else:
             slopes = found.slope[..., None] * sites.values
         slopes -= sites.values @ (sites.inverse @ slopes)
-        return (found.residuals * found.known).ravel(), (slopes * found.known[..., None]).reshape(-1, len(positions))
+        weights = found.known * np.sqrt(found.width)
+        return (found.residuals * weights).ravel(), (slopes * weights[..., None]).reshape(-1, len(positions))
 
     @cached_property
     def _slopes(self) -> Array:
