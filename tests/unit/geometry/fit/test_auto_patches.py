@@ -268,7 +268,7 @@ def test_smallest_grid_of_the_model_keeps_its_error():
     everywhere, alike = np.ones(predictor.nets.shape, bool), np.ones(2)
     for error in np.geomspace(2e-3, 2e-5, 12):
         n, lines = predictor.smallest(error, everywhere, alike)
-        assert predictor.error((n, lines)) <= 1.25 * error  # between the numbers whose errors are predicted
+        assert predictor.error((n, lines)) <= 1.15 * error  # between the numbers whose errors are predicted
         fewer = [(i, 2 * n * lines // 3 // i) for i in range(4, 20)]
         assert all(predictor.error(size) > error for size in fewer if size[1] >= 4)
     assert predictor.smallest(1e-12, everywhere, alike) is None
@@ -290,7 +290,7 @@ TUBE = {"axis": Z_AXIS, "margin": 0.004}
     ],
 )
 def test_prediction_is_what_a_fit_keeps(mesh, where, off):
-    """Within a tenth all round, and a fifth of patches, by exact distances, down to what the facets leave."""
+    """Within a tenth or a seventh all round, a fifth of patches, by exact distances, down to what the facets leave."""
     predictor = Predictor(mesh, region_of(**where).parametrization(mesh), (3, 3))
     for size in ((4, 5), (4, 8), (6, 5), (5, 11), (8, 12), (8, 17), (10, 20)):
         fit = predictor.fit(size)

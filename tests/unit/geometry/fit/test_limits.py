@@ -65,6 +65,15 @@ def test_larger_nets_are_fitted_while_they_reduce_the_error_by_a_fifth(errors, f
     assert search.best is None and len(search.nets) == predictor.fitted == fitted
 
 
+def test_fits_that_more_planes_do_not_improve_blame_the_lines():
+    """Twice the planes leave the same error: only the factor of the lines stays near one."""
+    predictor = SimpleNamespace(parts=lambda size: (size[0] ** -2.0, size[1] ** -2.0))
+    search = Search(predictor, 8e-3, "mean", 0.01)
+    search.tried = {(n, 10): (1e-2, None) for n in (10, 20)}
+    along, across = search.factors()
+    assert along < 0.5 * across and across == pytest.approx(1, abs=0.2)
+
+
 def test_stated_half_width_is_that_of_95_percent():
     """Of the means of 2000 random samples, 95 % are within the half width that each states; sizes of cells differ."""
     rng = np.random.default_rng(0)

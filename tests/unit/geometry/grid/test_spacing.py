@@ -144,7 +144,7 @@ def test_places_leave_less_than_even_ones(mesh, grid):
     pairs = [(places(along, size[0]), places(across, size[1])) for places in (even, best)]
     predicted = [np.hypot(stated(along, s), stated(across, t)) for s, t in pairs]
     true = [true_error(mesh, parametrization, s, t) for s, t in pairs]
-    assert predicted[1] < 0.25 * predicted[0] and true[1] < 0.2 * true[0]
+    assert predicted[1] < 0.2 * predicted[0] and true[1] < 0.2 * true[0]
 
 
 @pytest.mark.parametrize(
@@ -213,7 +213,7 @@ def test_gaps_do_not_attract_planes(hole):
     grid = TubeGrid(10, 16, Z_AXIS, 0.004)
     whole, holed = (heights_of(m, grid)[0] for m in (bumped(), with_hole(bumped(), (RADIUS, 0, 0.03), hole)))
     left = [stated(whole, s) for s in (best(whole, 10), best(holed, 10), even(whole, 10))]
-    assert left[1] < 1.3 * left[0] < 0.15 * left[2]
+    assert left[1] < 1.3 * left[0] < 0.1 * left[2]
 
 
 def test_gaps_in_a_face_do_not_attract_planes():
