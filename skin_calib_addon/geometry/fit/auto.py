@@ -105,9 +105,9 @@ class Predictor:
         """Return the predicted error of a net [m]."""
         return float(np.hypot(*self.parts(size)))
 
-    def fit(self, size: tuple[int, int]) -> SurfaceFit:
-        """Fit the net of a size."""
-        lines = spaced_lines(self.mesh, self.parametrization, size, self.degree, draft=True)
+    def fit(self, size: tuple[int, int], draft: bool = True) -> SurfaceFit:
+        """Fit the net of a size; a draft has quick positions of the lines."""
+        lines = spaced_lines(self.mesh, self.parametrization, size, self.degree, draft=draft)
         return fit_lines(self.mesh, lines, self.degree)
 
     def _size(self, cost: Array) -> tuple[int, int]:
@@ -386,7 +386,7 @@ def fit_to_count(
     most = min(control_points // fewest_m, MAX_PLANES), min(control_points // fewest_n, MAX_LINES)
     given, (mesh, outliers) = mesh, without_outliers(mesh)
     predictor = Predictor(mesh, region_of(axis, margin, sector, normal).parametrization(mesh), degrees, most=most)
-    fit = replace(predictor.fit(predictor.best(control_points)), **left_out(given, outliers))
+    fit = replace(predictor.fit(predictor.best(control_points), draft=False), **left_out(given, outliers))
     check_fit(fit)
     return fit
 
