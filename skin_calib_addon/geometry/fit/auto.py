@@ -1,19 +1,16 @@
-"""The smallest grid within a tolerance: predicted by the error model, confirmed by fits."""
+"""The smallest grid within a tolerance: predicted by the splines that place its lines, confirmed by fits."""
 
-from bisect import insort
-from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
-from ...common.arrays import Array, IntArray
+from ...common.arrays import Array, BoolArray, IntArray
 from ...common.errors import EmptySection, InvalidPlan, UnderdeterminedFit, UnreachableTolerance
 from ..grid.axis import Axis
-from ..grid.error_model import ErrorModel
 from ..grid.grids import AutoGrid, Grid, PlanesGrid, Region, Size, Tolerance, Vector, length_warnings, region_of
-from ..grid.parametrizations import parametrized_lines
-from ..grid.spacing import MAX_MOVES, density_lines, line_positions, plane_positions
+from ..grid.heights import Heights, sampled_heights
+from ..grid.parametrizations import Parametrization
+from ..grid.spacing import best_positions, spaced_lines
 from ..mesh.outliers import without_outliers
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
@@ -24,84 +21,40 @@ from .surface_fit import SurfaceFit
 
 MAX_PLANES = 60  # [1] most u-planes of an automatic grid. Larger: tighter tolerances, more time
 MAX_LINES = 160  # [1] most lines per plane of an automatic grid. Larger: tighter tolerances, more time
-MAX_FITS = 6  # [1] most fits of a search. Larger: a grid nearer to the smallest, more time
-# [1] proportions of planes and lines that are fitted, of those with the least predicted error. Larger: less error, more
-# time.
-MAX_PROPORTIONS = 3
-# [1] least ratio of the planes of two proportions, because predictions do not separate closer ones. Larger: fewer.
-MIN_PROPORTION_RATIO = 1.12
-# [1] control points of the nets that are fitted if no prediction is confirmed, before the largest. More: a smaller net
-# within the tolerance, more time.
-NET_SIZES = 150, 600, 2400
-# [1] ratio of the mean errors of two successive of these nets above which larger ones do not help. Larger: more fits.
-NO_GAIN_RATIO = 0.8
-NET_BISECTIONS = 2  # [1] nets between the last two of them. Larger: a smaller net, more time
+COUNT_RATIO = 1.3  # [1] ratio of successive numbers of planes or lines whose error is predicted. Smaller: more time
+# [fraction of an error] below which the error of one direction adds little to that of the other. Larger: more time.
+MINOR_ERROR_RATIO = 0.4
+MAX_FITS = 8  # [1] most fits of a search. Larger: a grid nearer to the smallest, more time
 # [1] least ratio of the control points of two nets that are both fitted. Their errors have at least this ratio, too: a
 # fit that uses more of the tolerance is small enough. Larger: fewer fits.
 MIN_SIZE_RATIO = 1.1
 # [fraction of the tolerance] aim of the next fit, so that it does not exceed the tolerance narrowly. Larger: smaller
 # nets, more fits.
 TARGET_RATIO = 0.97
+# [1] control points of the nets that are fitted if no prediction is confirmed, before the largest. More: a smaller net
+# within the tolerance, more time.
+NET_SIZES = 150, 600, 2400
+# [1] ratio of the mean errors of two successive of these nets above which larger ones do not help. Larger: more fits.
+NO_GAIN_RATIO = 0.8
+# [fraction of the tolerance] predicted error of a smaller net that is fitted although it may be too large, because
+# predictions are pessimistic as often as optimistic. Larger: smaller nets, more fits.
+TRIAL_RATIO = 1.15
+# [1] weight of equal factors along u and along v against one fit whose error is the tolerance. Larger: several fits are
+# needed to see that one direction is predicted badly.
+EQUAL_WEIGHT = 0.3
+MIN_FACTOR = 0.05  # [1] least factor over that of both directions. Larger: no direction is taken for exact
+# [fraction of the tolerance] error that stands for a fold or a far point, which other nets do not have. Larger: the
+# next net is larger.
+UNUSABLE_RATIO = 1.3
 MEASURES = ("mean", "max")
 MIN_DISTANCE = 1e-300  # [m] lower bound of a distance in a logarithm
 # [fraction of the largest distance] that is added to it: a peak may be between the points of its search. Larger: safer,
 # larger nets.
 MAX_MARGIN = 0.01
-# [1] steps of planes and lines for nets that are fitted on trial. Larger: fewer control points, more time.
-TRIAL_MOVES = 2
-COUNT_RATIO = 1.4  # [1] ratio of successive numbers of planes or lines whose error is computed. Smaller: more time
-INITIAL_GAIN = 0.6  # [1] first estimate of the ratio of the errors at the best and at even positions
-# [fraction of an error] below which the error of one direction adds little to that of the other. Larger: more time.
-MINOR_ERROR_RATIO = 0.7
-# [fraction of an error] first aim of a prediction, because errors at unknown positions are estimates.
-FIRST_AIM_RATIO = 0.9
 
 
-class ErrorCurve:
-    """The error of planes, or of lines, as a function of their number.
-
-    The errors of even positions are computed for a few numbers, and those of the best positions for fewer. Between
-    them, the errors and the gains of the best positions follow power laws.
-    """
-
-    def __init__(self, even: Callable[[int], float], best: Callable[[int], tuple[float, Array]], first: int, most: int):
-        self.counts: IntArray = np.arange(first, most + 1)
-        self.even, self.best = cache(even), cache(best)
-        steps = int(np.log(most / first) / np.log(COUNT_RATIO)) + 1
-        self.sampled_counts = np.unique(np.rint(np.geomspace(first, most, steps + 1)).astype(np.int64))
-        self.solved: list[int] = []  # numbers whose best positions are computed, ascending
-
-    def positions(self, count: int) -> Array:
-        """Return the positions of ``count`` planes or lines with the least error."""
-        if count not in self.solved:
-            insort(self.solved, count)
-        return self.best(count)[1]
-
-    def error(self, count: int) -> float:
-        """Return the error of ``count`` planes or lines at the best positions [m]."""
-        self.positions(count)
-        return self.best(count)[0]
-
-    def errors(self, enough: float = 0.0) -> Array:
-        """Return the estimated error of each number at the best positions [m]; less exact below ``enough``."""
-        seen = []
-        for count in self.sampled_counts:
-            seen.append(self.even(int(count)))
-            if seen[-1] < enough:
-                break
-        even = power_law(self.counts, self.sampled_counts[: len(seen)], seen)
-        gains = {int(self.counts[0]): INITIAL_GAIN}
-        gains |= {count: self.best(count)[0] / even[count - self.counts[0]] for count in self.solved}
-        return even * power_law(self.counts, np.array(list(gains)), list(gains.values()))
-
-
-def power_law(wanted: IntArray, counts: IntArray, values: Sequence[float]) -> Array:
-    """Interpolate values at some counts by power laws; beyond the counts the values are constant."""
-    return np.exp(np.interp(np.log(wanted), np.log(counts), np.log(np.maximum(values, MIN_DISTANCE))))
-
-
-class SizePredictor:
-    r"""The predicted error of every grid, mean or largest.
+class Predictor:
+    r"""The predicted error of every net over a region, and its fit.
 
     The errors along u and along v add in squares:
 
@@ -114,109 +67,84 @@ class SizePredictor:
 
     def __init__(
         self,
-        error_model: ErrorModel,
+        mesh: TriangleMesh,
+        parametrization: Parametrization,
         degree: tuple[int, int],
         measure: str = "mean",
-        most: int = MAX_LINES,
-        moves: int = MAX_MOVES,
+        most: tuple[int, int] = (MAX_PLANES, MAX_LINES),
     ):
-        self.error_model, self.degree = error_model, degree
-        validation = error_model.halves[1]  # the half that did not select the positions
+        self.mesh, self.parametrization, self.degree, self.measure = mesh, parametrization, degree, measure
+        self.along, self.across = sampled_heights(mesh, parametrization)
+        self.planes, self.lines = (np.arange(p + 1, count + 1) for p, count in zip(degree, most))
+        self.nets = self.planes[:, None] * self.lines
 
-        def planes(n: int) -> tuple[float, Array]:
-            s = plane_positions(error_model, n, "auto", degree[0], moves)
-            return float(validation.misfits_along(s, degree[0], measure)), s
+    def smallest(self, error: float, allowed: BoolArray, factors: Array) -> tuple[int, int] | None:
+        """Return the planes and lines of the smallest net with at most this error [m], of those allowed.
 
-        def lines(m: int) -> tuple[float, Array]:
-            t = line_positions(error_model, m, "auto", degree[1], moves)
-            return float(validation.misfits_across(t, degree[1], measure)), t
+        ``allowed`` is of shape (planes, lines). ``factors`` (2,) multiply the squared errors along u and along v.
+        """
+        errors = self._errors(MINOR_ERROR_RATIO * error, factors)
+        fits = allowed & (errors <= error)
+        if not fits.any():
+            return None
+        # Of nets with equal numbers of control points, the one with the least error: the error term is below one.
+        return self._size(np.where(fits, self.nets + errors / (2 * error), np.inf))
 
-        def even_planes(n: int) -> float:
-            return float(
-                validation.misfits_along(np.linspace(*error_model.parametrization.span, n), degree[0], measure)
-            )
+    def best(self, control_points: int) -> tuple[int, int]:
+        """Return the planes and lines of the net of least error with at most some control points, as many as fit."""
+        fits = self.nets <= control_points
+        fits[:, :-1] &= self.nets[:, 1:] > control_points
+        return self._size(np.where(fits, self._errors(0.0, np.ones(2)), np.inf))
 
-        def plainest_lines(m: int) -> float:
-            return float(validation.misfits_across(density_lines(error_model, m, degree[1]), degree[1], measure).min())
-
-        self.along = ErrorCurve(even_planes, planes, degree[0] + 1, MAX_PLANES)
-        self.across = ErrorCurve(plainest_lines, lines, degree[1] + 1, most)
-
-    @property
-    def most_control_points(self) -> int:
-        """Return the number of control points of the largest grid."""
-        return int(self.along.counts[-1] * self.across.counts[-1])
-
-    def forget(self) -> None:
-        """Return to the predictions before the first fit."""
-        self.along.solved.clear()
-        self.across.solved.clear()
+    def parts(self, size: tuple[int, int]) -> tuple[float, float]:
+        """Return the predicted errors along u and along v of a net [m]."""
+        (n, m), (p, q) = size, self.degree
+        return self._error_at(self.along, n, p), self._error_at(self.across, m, q)
 
     def error(self, size: tuple[int, int]) -> float:
-        """Return the predicted error of a grid of some planes and lines [m]."""
-        return float(np.hypot(self.along.error(size[0]), self.across.error(size[1])))
+        """Return the predicted error of a net [m]."""
+        return float(np.hypot(*self.parts(size)))
 
-    def lines(self, size: tuple[int, int]) -> LineGrid:
-        """Return the lines of a grid at the positions with the least error."""
-        return parametrized_lines(
-            self.error_model.parametrization,
-            self.along.positions(size[0]),
-            self.across.positions(size[1]),
-            self.error_model.centre,
-        )
+    def fit(self, size: tuple[int, int], draft: bool = True) -> SurfaceFit:
+        """Fit the net of a size; a draft has quick positions of the lines."""
+        lines = spaced_lines(self.mesh, self.parametrization, size, self.degree, draft=draft)
+        return fit_lines(self.mesh, lines, self.degree)
 
-    def smallest_size(self, error: float, above: float = 0.0, below: float = np.inf) -> tuple[int, int] | None:
-        """Return planes and lines of the smallest net with at most this error; None without such a net.
+    def _size(self, cost: Array) -> tuple[int, int]:
+        i, j = divmod(int(np.argmin(cost)), len(self.lines))
+        return int(self.planes[i]), int(self.lines[j])
 
-        The best positions are computed where the answer seems to be, until they are known there.
-        """
-        along, across = self.along, self.across
-        nets = along.counts[:, None] * across.counts
-        allowed = (nets > above) & (nets < below)
-        good: tuple[int, int] | None = None  # the last grid with computed positions within the error
-        aim = FIRST_AIM_RATIO * error
-        while True:
-            errors = np.hypot(
-                along.errors(MINOR_ERROR_RATIO * error)[:, None], across.errors(MINOR_ERROR_RATIO * error)
+    def _errors(self, enough: float, factors: Array) -> Array:
+        """Return the errors of all nets [m]; errors of one direction below ``enough`` are not exact."""
+        along, across = (
+            factor * self._errors_at(heights, counts, degree, enough / max(factor, MIN_FACTOR) ** 0.5) ** 2
+            for heights, counts, degree, factor in zip(
+                (self.along, self.across), (self.planes, self.lines), self.degree, factors
             )
-            fits = allowed & (errors <= aim)
-            if not fits.any():
-                if aim == error:
-                    break
-                aim = error
-                continue
-            # Of nets with equal numbers of control points, the one with the least error: the error term is below one.
-            i, j = divmod(int(np.argmin(np.where(fits, nets + errors / (2 * error), np.inf))), nets.shape[1])
-            size = int(along.counts[i]), int(across.counts[j])
-            if good and MIN_SIZE_RATIO * nets[i, j] > good[0] * good[1]:
-                break
-            known = size[0] in along.solved and size[1] in across.solved
-            if self.error(size) <= error:
-                good = size
-            if known:
-                break
-            aim = error
-        return good
+        )
+        return np.asarray(np.sqrt(along[:, None] + across))
 
-    def best_sizes(self, control_points: int, count: int) -> list[tuple[int, int]]:
-        """Return the sizes of least error with at most some control points, best first, in different proportions."""
-        along, across = self.along, self.across
-        widest = np.minimum(control_points // along.counts, across.counts[-1])
-        fits = widest >= across.counts[0]
-        while True:
-            errors = np.hypot(along.errors()[fits], across.errors()[widest[fits] - across.counts[0]])
-            sizes: list[tuple[int, int]] = []
-            for i in np.argsort(errors, kind="stable"):
-                n, m = int(along.counts[fits][i]), int(widest[fits][i])
-                if len(sizes) < count and all(
-                    max(n, other) > MIN_PROPORTION_RATIO * min(n, other) for other, _ in sizes
-                ):
-                    sizes.append((n, m))
-            if all(n in along.solved and m in across.solved for n, m in sizes):
+    def _errors_at(self, heights: Heights, counts: IntArray, degree: int, enough: float) -> Array:
+        """Return the errors of all counts in one direction, by power laws between some of them [m]."""
+        steps = int(np.log(counts[-1] / counts[0]) / np.log(COUNT_RATIO)) + 1
+        known, errors = np.unique(np.rint(np.geomspace(counts[0], counts[-1], steps + 1)).astype(np.int64)), []
+        for count in known:
+            errors.append(max(self._error_at(heights, int(count), degree), MIN_DISTANCE))
+            if errors[-1] < enough:
                 break
-            for size in sizes:
-                self.error(size)
-        return sizes
+        return np.exp(np.interp(np.log(counts), np.log(known[: len(errors)]), np.log(errors)))
+
+    def _error_at(self, heights: Heights, count: int, degree: int) -> float:
+        positions = best_positions(heights, count, degree, draft=True)
+        return heights.error(positions, degree, self.measure)
+
+
+def error_of(fit: SurfaceFit, measure: str) -> float:
+    """Return the mean or largest distance from surface to mesh [m]; infinite if no part of it can be measured."""
+    try:
+        return float(fit.to_mesh.mean if measure == "mean" else (1 + MAX_MARGIN) * fit.to_mesh.max)
+    except EmptySection:
+        return np.inf
 
 
 def fit_to_tolerance(
@@ -272,23 +200,126 @@ def _smallest(
         )
     given, (mesh, outliers) = mesh, without_outliers(mesh)
     parametrization = grid.region.parametrization(mesh)
-    error_model = ErrorModel.of(mesh, parametrization, MAX_PLANES)
-    predictor = SizePredictor(error_model, degrees, measure, moves=TRIAL_MOVES)
-    limits = DeviationLimits.of(max_deviation, tolerance, measure)
-    search = Search(mesh, predictor, tolerance, measure, limits)
-    search.run()
-    if search.best is None:
-        search.enlarge()
-    if search.best is None:
+    search = Search(Predictor(mesh, parametrization, degrees, measure), tolerance, measure, max_deviation)
+    fit = search.run()
+    if fit is None:
         raise refusal(search, grid.region)
-    lines = replace(search.best.lines, warnings=length_warnings(grid.region, parametrization, mesh))
-    return replace(search.best, lines=lines, **left_out(given, outliers))
+    lines = replace(fit.lines, warnings=length_warnings(grid.region, parametrization, mesh))
+    return replace(fit, lines=lines, **left_out(given, outliers))
 
 
-def refusal(search: "Search", region: Region) -> UnreachableTolerance:
+class Search:
+    """A search for the smallest net within a tolerance.
+
+    A surface that folds, or that is too far from the mesh somewhere, does not count.
+    """
+
+    def __init__(self, predictor: Predictor, tolerance: float, measure: str, max_deviation: float):
+        self.predictor, self.tolerance, self.measure = predictor, tolerance, measure
+        self.limits = DeviationLimits.of(max_deviation, tolerance, measure)
+        self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}  # error [m] and fit of each net
+        self.best: SurfaceFit | None = None
+        self.nets: list[SurfaceFit] = []  # larger and larger ones, which do not depend on the tolerance
+
+    def fit(self, size: tuple[int, int]) -> SurfaceFit:
+        """Fit the net of a size, which becomes the best if it is smaller."""
+        if size not in self.tried:
+            fit = replace(self.predictor.fit(size), limits=self.limits)
+            self.tried[size] = error_of(fit, self.measure), fit
+        error, fit = self.tried[size]
+        is_smaller = self.best is None or net_size(fit) < net_size(self.best)
+        if is_smaller and error <= self.tolerance and self.is_usable(fit, self.tolerance):
+            self.best = fit
+        return fit
+
+    def run(self) -> SurfaceFit | None:
+        """Fit nets until the smallest within the tolerance is nearly found; None if none is."""
+        self.reduce()
+        if self.best is None:
+            self.enlarge()
+            if self.best is not None:
+                self.reduce()
+        return self.best
+
+    def reduce(self) -> None:
+        """Fit the smallest net that is predicted to meet the tolerance; each fit corrects the next predictions."""
+        for _ in range(MAX_FITS):
+            for aim in (TARGET_RATIO, TRIAL_RATIO) if self.best else (TARGET_RATIO,):
+                size = self.predictor.smallest(aim * self.tolerance, self.allowed(), self.factors())
+                if size is not None:
+                    break
+            else:
+                break
+            fit = self.fit(size)
+            if fit is self.best and self.measure == "mean" and error_of(fit, "mean") > self.tolerance / MIN_SIZE_RATIO:
+                break
+
+    def allowed(self) -> BoolArray:
+        """Return which nets are smaller than the best one, and have more planes or more lines than each that failed."""
+        planes, lines = self.predictor.planes[:, None], self.predictor.lines
+        allowed = MIN_SIZE_RATIO * self.predictor.nets < (net_size(self.best) if self.best else np.inf)
+        for (n, m), (_, fit) in self.tried.items():
+            if fit is not self.best:
+                allowed &= (planes >= MIN_SIZE_RATIO * n) | (lines >= MIN_SIZE_RATIO * m)
+        return allowed
+
+    def factors(self) -> Array:
+        """Return the factors (2,) of the predicted squared errors along u and along v that explain the errors of fits.
+
+        Errors near the tolerance count more. One factor for both is preferred.
+        """
+        if not self.tried:
+            return np.ones(2)
+        parts = np.square([self.predictor.parts(size) for size in self.tried]) + MIN_DISTANCE
+        errors = np.array([self.counted(*found) for found in self.tried.values()])
+        weights = np.minimum(errors / self.tolerance, self.tolerance / errors)
+        ratios = errors**2 / parts.sum(axis=1)
+        common = np.exp(weights @ np.log(ratios) / weights.sum())
+        rows = np.concatenate((weights[:, None] * parts / errors[:, None] ** 2 * common, EQUAL_WEIGHT * np.eye(2)))
+        goals = np.append(weights, (EQUAL_WEIGHT, EQUAL_WEIGHT))
+        return np.asarray(common * np.maximum(np.linalg.lstsq(rows, goals, rcond=None)[0], MIN_FACTOR))
+
+    def counted(self, error: float, fit: SurfaceFit) -> float:
+        """Return the error of a fit [m], or more than the tolerance if it is not usable."""
+        if error > self.tolerance or self.is_usable(fit, self.tolerance):
+            return float(np.clip(error, 1e-3 * self.tolerance, 1e3 * self.tolerance))
+        return UNUSABLE_RATIO * self.tolerance
+
+    def enlarge(self) -> None:
+        """Fit larger and larger nets of least predicted error until one meets the tolerance.
+
+        The nets and their errors do not depend on the tolerance. Of two tolerances that are refused, both therefore
+        have the same achievable error, and a tolerance that equals it is met. The largest distance of a larger net may
+        be larger, so that all of these nets are tried.
+        """
+        least = np.inf
+        for count in (*NET_SIZES, MAX_PLANES * MAX_LINES):
+            fit = self.fit(self.predictor.best(count))
+            self.nets.append(fit)
+            before, least = least, error_of(fit, self.measure)
+            if self.best or (self.measure == "mean" and least > NO_GAIN_RATIO * before):
+                break
+
+    def is_usable(self, fit: SurfaceFit, error: float) -> bool:
+        """Return whether a fit with this error [m] neither folds nor is too far from the mesh somewhere."""
+        limit = max(self.limits.refused, error)
+        deviation, _ = maximum_deviation(fit.mesh, fit.lines, fit.basis, fit.samples, limit)
+        return deviation <= limit and fit.smallest_area >= FOLDED_AREA
+
+    def nearest(self) -> tuple[float, SurfaceFit]:
+        """Return the least error of the enlarged nets [m], rounded up, and its fit; infinite if all of them fold."""
+        whole = [(error_of(fit, self.measure), fit) for fit in self.nets if fit.smallest_area >= FOLDED_AREA]
+        if not whole:
+            return np.inf, self.nets[0]
+        usable = [(error, fit) for error, fit in whole if self.is_usable(fit, error)]
+        error, fit = min(usable or whole, key=lambda found: found[0])
+        return rounded_up(error * 1e3) / 1e3, fit
+
+
+def refusal(search: Search, region: Region) -> UnreachableTolerance:
     """Return why no net is within the tolerance, with the least error of the enlarged nets."""
     wrong = f"No surface is within {search.tolerance * 1e3:g} mm ({search.measure}) of this mesh"
-    least, nearest = search.nearest
+    least, nearest = search.nearest()
     other = better_axis(nearest, region, search.measure, search.tolerance if np.isinf(least) else least)
     if np.isinf(least):
         fold = next(warning for warning in nearest.warnings if warning.code == "folded")
@@ -352,150 +383,12 @@ def fit_to_count(
             f"Degree {degrees[0]} x {degrees[1]} needs at least {fewest_n * fewest_m} control points, but "
             f"{control_points} are allowed. Allow more, or lower the degree."
         )
-    most = min(control_points // fewest_m, MAX_PLANES)
+    most = min(control_points // fewest_m, MAX_PLANES), min(control_points // fewest_n, MAX_LINES)
     given, (mesh, outliers) = mesh, without_outliers(mesh)
-    error_model = ErrorModel.of(mesh, region_of(axis, margin, sector, normal).parametrization(mesh), most)
-    predictor = SizePredictor(error_model, degrees, most=min(control_points // fewest_n, MAX_LINES))
-    fits = [
-        fit_lines(mesh, predictor.lines(size), degrees)
-        for size in predictor.best_sizes(control_points, MAX_PROPORTIONS)
-    ]
-    best = min(fits, key=lambda fit: fit.to_mesh.mean)
-    best = replace(best, **left_out(given, outliers))
-    check_fit(best)
-    return best
-
-
-class Search:
-    """A search for the smallest net within a tolerance; ``best`` is the smallest that was found.
-
-    A surface that folds, or that is too far from the mesh somewhere, does not count.
-    """
-
-    def __init__(
-        self, mesh: TriangleMesh, predictor: SizePredictor, tolerance: float, measure: str, limits: DeviationLimits
-    ):
-        self.mesh, self.predictor, self.tolerance, self.measure = mesh, predictor, tolerance, measure
-        self.limits = limits
-        self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}
-        self.enlarged: list[tuple[int, int]] = []  # the enlarged nets, which do not depend on the tolerance
-        self.is_usable = cache(self._is_usable)
-        self.measured = cache(self._measured)
-
-    @property
-    def best(self) -> SurfaceFit | None:
-        """Return the smallest of the fitted nets within the tolerance; None without one."""
-        return min((fit for size, (_, fit) in self.tried.items() if self.meets(size)), key=net_size, default=None)
-
-    def meets(self, size: tuple[int, int]) -> bool:
-        """Return whether the fit of this size is within the tolerance and usable."""
-        error, fit = self.tried[size]
-        return error <= self.tolerance and self.is_usable(fit, self.tolerance)
-
-    def _is_usable(self, fit: SurfaceFit, error: float) -> bool:
-        """Return whether a fit with this error [m] neither folds nor is too far from the mesh somewhere."""
-        limit = max(self.limits.refused, error)
-        deviation, _ = maximum_deviation(fit.mesh, fit.lines, fit.basis, fit.samples, limit)
-        return deviation <= limit and fit.smallest_area >= FOLDED_AREA
-
-    def run(self) -> None:
-        """Fit the smallest grid that is predicted to meet the tolerance; each fit corrects the next prediction."""
-        while len(self.tried) < MAX_FITS:
-            below = net_size(self.best) / MIN_SIZE_RATIO if self.best else np.inf
-            size = self.predictor.smallest_size(self.target, MIN_SIZE_RATIO * self.largest_failed, below)
-            if size is None or size in self.tried:
-                break
-            error = self.error(size)
-            if self.tolerance / MIN_SIZE_RATIO < error and self.meets(size):
-                break
-
-    def enlarge(self) -> None:
-        """Fit larger and larger nets of least predicted error until one meets the tolerance.
-
-        The nets and their errors do not depend on the tolerance. Of two tolerances that are refused, both therefore
-        have the same achievable error, and a tolerance that equals it is met. The largest distance of a larger net may
-        be larger, so that all of these nets are tried.
-        """
-        self.predictor.forget()
-        failed, most = 0, self.predictor.most_control_points
-        least = np.inf
-        for count in (*NET_SIZES, most):
-            size = self.predictor.best_sizes(min(count, most), 1)[0]
-            if size not in self.enlarged:
-                self.enlarged.append(size)
-                self.error(size)
-            if self.best:
-                break
-            failed = size[0] * size[1]
-            if self.measure == "mean":
-                before, least = least, self.tried[size][0]
-                if least > NO_GAIN_RATIO * before:
-                    break
-        for _ in range(NET_BISECTIONS):  # between the last two nets
-            if self.best is None:
-                break
-            count = int(np.sqrt(failed * net_size(self.best)))
-            if count <= MIN_SIZE_RATIO * failed:
-                break
-            size = self.predictor.best_sizes(count, 1)[0]
-            self.error(size)
-            if not self.meets(size):
-                failed = count
-
-    @property
-    def nearest(self) -> tuple[float, SurfaceFit]:
-        """Return the least error of the enlarged nets [m], rounded up, and its fit; infinite if all of them fold."""
-        fits = [self.tried[size][1] for size in self.enlarged]
-        whole = [(self.measured(fit), fit) for fit in fits if fit.smallest_area >= FOLDED_AREA]
-        if not whole:
-            return np.inf, fits[0]
-        usable = [(error, fit) for error, fit in whole if self.is_usable(fit, error)]
-        error, fit = min(usable or whole, key=lambda found: found[0])
-        return rounded_up(error * 1e3) / 1e3, fit
-
-    def _measured(self, fit: SurfaceFit) -> float:
-        """Return the mean or largest distance of a fit from the mesh [m]; infinite if no part of it can be measured."""
-        try:
-            return float(fit.to_mesh.mean if self.measure == "mean" else (1 + MAX_MARGIN) * fit.to_mesh.max)
-        except EmptySection:
-            return np.inf
-
-    @property
-    def largest_failed(self) -> int:
-        """Return the control points of the largest net that does not count, smaller than the best; 0 without one."""
-        most = net_size(self.best) if self.best else 0
-        missed = [net_size(fit) for size, (_, fit) in self.tried.items() if not self.meets(size)]
-        return max((count for count in missed if count < most), default=0)
-
-    @property
-    def target(self) -> float:
-        """Return the predicted error of the next grid [m].
-
-        It is corrected by the errors so far, and less than the predictions of all nets above the tolerance.
-        """
-        missed = [self.predictor.error(size) for size, (error, _) in self.tried.items() if error > self.tolerance]
-        target = TARGET_RATIO * self.tolerance / self.prediction_ratio
-        return min(target, min(missed) / MIN_SIZE_RATIO) if missed and self.best is None else target
-
-    @property
-    def prediction_ratio(self) -> float:
-        """Return the ratio of error and prediction of the fit nearest to the tolerance; 1 before the first fit."""
-        if not self.tried:
-            return 1.0
-        size = min(self.tried, key=lambda size: abs(np.log(self.tried[size][0] / self.tolerance)))
-        return self.tried[size][0] / self.predictor.error(size)
-
-    def error(self, size: tuple[int, int]) -> float:
-        """Return the error of the fit of this size [m]."""
-        if size not in self.tried:
-            fit = self.fit(size)
-            self.tried[size] = self.measured(fit), fit
-        return self.tried[size][0]
-
-    def fit(self, size: tuple[int, int]) -> SurfaceFit:
-        """Return the fit of this size."""
-        fit = fit_lines(self.mesh, self.predictor.lines(size), self.predictor.degree)
-        return replace(fit, limits=self.limits)
+    predictor = Predictor(mesh, region_of(axis, margin, sector, normal).parametrization(mesh), degrees, most=most)
+    fit = replace(predictor.fit(predictor.best(control_points), draft=False), **left_out(given, outliers))
+    check_fit(fit)
+    return fit
 
 
 def net_size(fit: SurfaceFit) -> int:

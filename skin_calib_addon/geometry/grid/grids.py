@@ -15,23 +15,17 @@ from ..sampling.planes import Planes
 from ..sampling.rays import TURN
 from .axis import FULL_TURN_ANGLES, SAME_PLANE_FRACTION, Axis, find_axis, long_direction, stations_between, tube_frame
 from .curved_axis import CurvedAxis, curved_axis_span, find_curved_axis
-from .error_model import ErrorModel
-from .outlines import region_centre
 from .parametrizations import (
     FaceParametrization,
     Parametrization,
     ParametrizedLines,
     TubeParametrization,
     bounded,
-    parametrized_lines,
+    region_centre,
 )
 from .spacing import spaced_lines
 
 Vector = tuple[float, float, float]
-
-# [1] number of planes for which the one error model of a preview is sampled. Larger: more accurate positions of many
-# planes, more time.
-DRAFT_PLANES = 18
 
 # [rad] least angle between a u-plane and a v-plane; below, their intersection line is ill-defined. Larger: more planes
 # are refused.
@@ -232,8 +226,7 @@ class Grid:
         degree : (int, int)
             Of the surface along u and v.
         draft : bool
-            Whether "auto" places planes and lines fast and not exactly, for a preview: one error model serves all
-            numbers of planes.
+            Whether "auto" places planes and lines fast and not exactly, for a preview.
 
         Returns
         -------
@@ -248,7 +241,7 @@ class Grid:
             raise InvalidPlan("This grid has a tolerance instead of numbers of planes and lines. Use fit_grid.")
         size = self.size.n, self.size.lines
         parametrization = _parametrization(self.region, mesh)
-        lines = lines_on(parametrization, mesh, *size, self.spacing, degree, draft)
+        lines = spaced_lines(mesh, parametrization, size, degree, self.spacing, draft)
         return replace(lines, warnings=length_warnings(self.region, parametrization, mesh))
 
     def moved_lines(self, lines: ParametrizedLines, mesh: TriangleMesh) -> ParametrizedLines:
@@ -595,29 +588,6 @@ def check_order(points: Array, name: str, size: float) -> None:
             plane=i + 1,
             family=name,
         )
-
-
-def lines_on(
-    parametrization: Parametrization,
-    mesh: TriangleMesh,
-    n: int,
-    lines: int,
-    spacing: str,
-    degree: tuple[int, int],
-    draft: bool = False,
-) -> ParametrizedLines:
-    """Return the lines of planes over a region; for "uniform" ones only the middle of the mesh is sampled."""
-    if spacing == "uniform":
-        last = lines if parametrization.closed else lines - 1
-        t = (
-            parametrization.breadth[0]
-            + (parametrization.breadth[1] - parametrization.breadth[0]) * np.arange(lines) / last
-        )
-        planes = np.linspace(*parametrization.span, n)
-        return parametrized_lines(parametrization, planes, t, region_centre(mesh, parametrization))
-    if draft:
-        return spaced_lines(ErrorModel.of(mesh, parametrization, DRAFT_PLANES), n, lines, spacing, degree, moves=0)
-    return spaced_lines(ErrorModel.of(mesh, parametrization, n), n, lines, spacing, degree)
 
 
 def numbered(count: int) -> tuple[str, ...]:

@@ -1,12 +1,12 @@
 """Parametrizations of a region: s along the u-direction and t across it give the plane and the ray of each point."""
 
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import TypeVar
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, freeze, over_rows
+from ...common.arrays import Array, BoolArray, freeze
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import TubeFrame
 from ..sampling.lines import LineGrid
@@ -19,6 +19,7 @@ from .curved_axis import CurvedAxis
 # [fraction] of the extent of a boundary by which the grid goes beyond it. Larger: more sites are outside; without it,
 # rounding decides about those on an edge that is parallel to the first row.
 BEYOND_BOUNDARY = 1e-3
+CENTRE_RAYS = 721  # [1] rays from edge to edge that find the rims of a hole in the middle. Larger: a more exact centre
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,33 +67,6 @@ class TubeParametrization:
         directions = self.frame.fan(s, self.angles(t))
         return np.broadcast_to(self.frame.planes(s).points[:, None], directions.shape), directions
 
-    def blend(self, weights: Array, t: Array, heights: Array) -> tuple[Array, Array]:
-        r"""Return the points of a spline whose control points are on some lines.
-
-        The plane coordinates of the point at the site :math:`l` are
-
-        .. math::
-
-            (x_l, y_l) = \sum_j w_{lj}\, h_j\, (\cos t_j, \sin t_j)
-
-        with the weights :math:`w_{lj}`, and the heights :math:`h_j` [m] of the control points on lines at :math:`t_j`.
-        """
-        x, y = (over_rows(heights * wave(t)[..., None, :], weights.T) for wave in (np.cos, np.sin))
-        return np.arctan2(y, x) % TURN, np.hypot(x, y)
-
-    def steps(self, heights: Array) -> Array:
-        """Return the distance of points one unit of t apart at some heights, of any shape [m]."""
-        return heights
-
-    def residual_slopes(
-        self, weights: Array, t: Array, heights: Array, at: Array, height: Array, slope: Array
-    ) -> Array:
-        """Return the derivatives of the residuals between mesh and spline by the t of each line, shape (r, l, m)."""
-        c, s, ratio = np.cos(at), np.sin(at), slope / height
-        # A moving line moves a point across its ray, where the height of the mesh changes, and along its ray.
-        x, y = (part[:, None] * weights for part in (heights * np.cos(t), heights * np.sin(t)))
-        return (ratio * c - s)[..., None] * x + (ratio * s + c)[..., None] * y
-
     def names(self, t: Array) -> tuple[str, ...]:
         """Return the names of the lines in messages."""
         return tuple(f"half-plane at {round(np.rad2deg(a), 1) % 360:g} degrees" for a in self.angles(t))
@@ -128,21 +102,6 @@ class FaceParametrization:
         origins = self.planes(s).points[:, None] + t[:, None] * self.side
         return origins, np.broadcast_to(self.up, origins.shape)
 
-    def blend(self, weights: Array, t: Array, heights: Array) -> tuple[Array, Array]:
-        """Return the points of a spline as for a tube; all rays are parallel."""
-        height = over_rows(heights, weights.T)
-        return np.broadcast_to((t @ weights.T)[..., None, :], height.shape), height
-
-    def steps(self, heights: Array) -> Array:
-        """Return ones, as t is a length."""
-        return np.ones_like(heights)
-
-    def residual_slopes(
-        self, weights: Array, t: Array, heights: Array, at: Array, height: Array, slope: Array
-    ) -> Array:
-        """Return the derivatives of the residuals by the t of each line, as for a tube; lines do not change heights."""
-        return slope[..., None] * weights
-
     def names(self, t: Array) -> tuple[str, ...]:
         """Return the names of the lines in messages."""
         return tuple(f"v-plane {j}" for j in range(len(t)))
@@ -177,13 +136,32 @@ def inside(parametrization: Parametrization, points: Array) -> BoolArray:
     return parametrization.boundary.contains(parametrization.coordinates(points))
 
 
-def heights(mesh: TriangleMesh, parametrization: Parametrization, s: Array, t: Array) -> Array:
+def cast_heights(mesh: TriangleMesh, parametrization: Parametrization, s: Array, t: Array) -> Array:
     """Return the heights of a mesh along the rays of a region."""
     origins, directions = parametrization.rays(s, t)
     found = cast_rays(mesh, parametrization.planes(s), origins, directions)
     if parametrization.boundary is not None:
         found[~inside(parametrization, origins + found[..., None] * directions)] = np.nan
     return found
+
+
+@lru_cache(maxsize=4)  # repeated fits, as in the window, keep the centre of their mesh
+def region_centre(mesh: TriangleMesh, parametrization: Parametrization) -> Array | None:
+    """Return the point of a mesh at the middle of a region, shape (3,) [m]; None if the section there is empty.
+
+    Over a hole it is between the rims, at an interpolated height.
+    """
+    s, (first, last) = np.array([sum(parametrization.span) / 2]), parametrization.breadth
+    middle, rays = (first + last) / 2, np.linspace(first, last, CENTRE_RAYS)
+    height = cast_heights(mesh, parametrization, s, np.array([middle]))[0, 0]
+    if np.isnan(height):
+        around = cast_heights(mesh, parametrization, s, rays)[0]
+        known = ~np.isnan(around)
+        if not known.any():
+            return None
+        height = np.interp(middle, rays[known], around[known])
+    origins, directions = parametrization.rays(s, np.array([middle]))
+    return np.asarray(origins[0, 0] + height * directions[0, 0])
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,179 +1,151 @@
-"""The positions of planes and lines with the least predicted error."""
+"""Where planes and lines go: at the positions of which splines through sampled heights have the least error."""
 
-from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 
-from ...common.arrays import Array
-from ..sampling.basis import check_counts, spline_sites
-from ..surface.bspline import greville
-from .error_model import ErrorModel, SpacingMap
-from .parametrizations import ParametrizedLines, parametrized_lines
+from ...common.arrays import Array, locked
+from ..mesh.triangle_mesh import TriangleMesh
+from ..sampling.basis import check_counts
+from ..sampling.rays import TURN
+from ..surface.bspline import clamped_knots, greville
+from .heights import Heights, sampled_heights
+from .parametrizations import Parametrization, ParametrizedLines, parametrized_lines, region_centre
 
+# [1] The density of lines is this power of the curvature. Larger: more lines at corners, fewer in flat parts.
+CURVATURE_EXPONENT = 0.35
+# [rad] rotation of an outline in one step below which it is straight, because noise of a nanometre rotates it, too.
+# Larger: lines do not follow slight curvature.
+FLAT_TURN = 1e-5
+# [fraction of the mean] lower bound of the curvature; below, it is rounding. Larger: more lines in flat parts.
+MIN_CURVATURE_FRACTION = 1e-3
+# [steps of an outline] width of the average of the curvature, because the edges of facets have curvature too. Larger:
+# corners get fewer lines.
+SMOOTHING_WIDTH = 2.3
 # [1] The length of a span is divided by this power of its mean square error. The mean square error of a cubic is
 # proportional to the ninth power of the length. Larger: stronger changes of the spans.
 ERROR_EXPONENT = 0.11
-# [fraction of the squared residuals] that other positions can change, in each direction, below which all spans have the
-# same length: the rest is the mesh's own facets. Larger: more grids are even, less time, up to half of this more error.
-MIN_MOVABLE_FRACTION = 0.06
 EQUALIZING_ROUNDS = 3  # [1] iterations that equalize the errors of all spans. Larger: little effect, more time
-# [1] ratio of errors, or of their squares, above which there is no gain: the first, simplest choice is kept, and the
-# steps of a movement have converged. Smaller: simple spacings are kept more often, fewer steps.
-MAX_ERROR_RATIO = 0.98
-MAX_MOVES = 8  # [1] most steps of their movement. Larger: slightly less error, more time
-# [fraction of the mean interval] below which no interval is shortened, because lines at equal positions are redundant,
-# and least weight of a span. Larger: more even lines.
+MAX_MOVES = 8  # [1] most steps of the positions. Larger: slightly less error, more time
+DRAFT_MOVES = 2  # [1] most steps of the positions of a preview, and of predictions. Larger: less error, more time
+# [1] ratio of errors, or of their squares, above which there is no gain: even positions are kept, and the steps have
+# converged. Larger: noise moves lines, more steps.
+MAX_ERROR_RATIO = 0.95
+# [fraction of the mean interval] below which no interval is shortened, because lines at equal positions are redundant.
+# Larger: more even lines.
 MIN_INTERVAL = 0.1
 INITIAL_DAMPING = 0.01  # [1] damping of the first Gauss-Newton step. Larger: shorter first steps
 DAMPING_DECREASE = 4.0  # [1] divisor of the damping after a step with less error. Larger: longer steps, more failures
 DAMPING_INCREASE = 6.0  # [1] factor of the damping after a step with more error. Larger: shorter steps, fewer failures
-# [intervals] rotation of closed lines that is tried too. Other values are less different from zero.
-ROTATED_INTERVALS = 0.5
+
+# A spacing is a piecewise linear map from the fraction of the intervals before a position, 0 to 1, to the position.
+SpacingMap = tuple[Array, Array]
 
 
 def spaced_lines(
-    error_model: ErrorModel, n: int, lines: int, spacing: str, degree: tuple[int, int], moves: int = MAX_MOVES
+    mesh: TriangleMesh,
+    parametrization: Parametrization,
+    size: tuple[int, int],
+    degree: tuple[int, int],
+    spacing: str = "auto",
+    draft: bool = False,
 ) -> ParametrizedLines:
-    """Return the lines of ``n`` planes with ``lines`` lines each."""
-    check_counts(n, degree[0], "u-planes")
-    check_counts(lines, degree[1], "v-lines")
-    parametrization = error_model.parametrization
-    if (
-        spacing == "auto"
-        and error_model.is_filled
-        and max(error_model.movable_fractions(n, lines, degree)) < MIN_MOVABLE_FRACTION
-    ):
-        along, across = (
-            control_fractions(n, degree[0], False),
-            control_fractions(lines, degree[1], parametrization.closed),
-        )
-        s = positions_at((np.array((0.0, 1.0)), np.array(parametrization.span)), along)
-        t = positions_at(error_model.maps["uniform"], across)
-        return parametrized_lines(parametrization, s, t, error_model.centre)
-    s = plane_positions(error_model, n, spacing, degree[0], moves)
-    t = line_positions(error_model, lines, spacing, degree[1], moves)
-    return parametrized_lines(parametrization, s, t, error_model.centre)
+    """Return the lines of a number of planes with a number of lines each."""
+    check_counts(size[0], degree[0], "u-planes")
+    check_counts(size[1], degree[1], "v-lines")
+    s = even_positions(parametrization.span, size[0], False)
+    t = even_positions(parametrization.breadth, size[1], parametrization.closed)
+    if spacing != "uniform":
+        along, across = sampled_heights(mesh, parametrization)
+        if spacing == "auto":
+            s = best_positions(along, size[0], degree[0], draft)
+            t = best_positions(across, size[1], degree[1], draft)
+        else:
+            t = np.interp(even_positions((0.0, 1.0), size[1], across.closed), *density_map(across, spacing))
+    return parametrized_lines(parametrization, s, t, region_centre(mesh, parametrization))
 
 
-def plane_positions(error_model: ErrorModel, count: int, spacing: str, degree: int, moves: int = MAX_MOVES) -> Array:
-    """Return the positions of planes along the region, with the least predicted error for "auto"."""
-    if spacing != "auto":
-        return np.linspace(*error_model.parametrization.span, count)
-    return refined_planes(error_model, initial_planes(error_model, count, degree), degree, moves)
+def even_positions(edges: tuple[float, float], count: int, closed: bool) -> Array:
+    """Return positions at even steps, of a full turn from the first edge on, or from edge to edge."""
+    first, last = edges
+    return first + (last - first) * (np.arange(count) / count) if closed else np.linspace(first, last, count)
 
 
-def line_positions(error_model: ErrorModel, count: int, spacing: str, degree: int, moves: int = MAX_MOVES) -> Array:
-    """Return the positions of lines across the region, with the least predicted error for "auto"."""
-    if spacing == "auto" and error_model.is_filled:
-        return refined_lines(error_model, initial_lines(error_model, count, degree), degree, moves)
-    maps = error_model.maps
-    return positions_at(maps.get(spacing, maps["uniform"]), even_fractions(count, error_model.parametrization.closed))
+def even_map(heights: Heights) -> SpacingMap:
+    """Return the map to even positions."""
+    return np.array((0.0, 1.0)), np.array(heights.edges)
 
 
-def control_fractions(count: int, degree: int, closed: bool) -> Array:
-    """Return the fractions of the region at which the control points of even knots are."""
-    return even_fractions(count, True) if closed else greville(spline_sites(count, degree, False).knots, degree)
+def density_map(heights: Heights, spacing: str) -> SpacingMap:
+    r"""Return the spacing whose density is the arc length, or a power of the curvature, of the mean curve.
+
+    With the length :math:`\ell` [m] of a step and the curvature :math:`\kappa` [1/m], the curvature density is
+    :math:`\kappa^{0.35}\, \ell`.
+    """
+    closed = heights.closed
+    at, values = (heights.at[:-1], heights.values[:, :-1]) if closed else (heights.at, heights.values)
+    points = values * np.exp(1j * at) if heights.polar else at + 1j * values
+    step = np.roll(points, -1, axis=1) - points
+    length = np.abs(step)
+    heading = step / np.maximum(length, 1e-300)
+    turn = np.abs(heading - np.roll(heading, 1, axis=1))
+    turn[turn < FLAT_TURN] = 0.0
+    length = (length + np.roll(length, 1, axis=1)) / 2
+    if not closed:  # the ends have a neighbour on one side only
+        turn[:, [0, -1]], length[:, [0, -1]] = turn[:, [1, -2]], length[:, [1, -2]]
+    density = length
+    if spacing == "curvature":
+        # Average by a periodic convolution.
+        window = np.exp(-0.5 * (TURN * np.fft.rfftfreq(len(at)) * SMOOTHING_WIDTH) ** 2)
+        turn, length = (np.fft.irfft(np.fft.rfft(x) * window, len(at)) for x in (turn, length))
+        curvature = np.abs(turn) / length
+        density = np.maximum(curvature, MIN_CURVATURE_FRACTION * curvature.mean()) ** CURVATURE_EXPONENT * length
+    mean = density.mean(axis=0)
+    mean = np.append(mean, mean[0]) if closed else mean
+    fraction = np.append(0.0, np.cumsum((mean[1:] + mean[:-1]) / 2))
+    return (fraction / fraction[-1], heights.at) if fraction[-1] > 0 else even_map(heights)  # a plane has no curvature
 
 
-def even_fractions(count: int, closed: bool) -> Array:
-    """Return the fractions of even steps, of a full turn from the first position on, or from edge to edge."""
-    return np.arange(count) / count if closed else np.linspace(0, 1, count)
+@lru_cache(maxsize=64)  # lines do not depend on the number of planes
+def best_positions(heights: Heights, count: int, degree: int, draft: bool = False) -> Array:
+    """Return positions of planes or lines with little error, or even ones if these are nearly as good.
+
+    The search starts at even spans and at spans that follow the curvature, of closed curves also half a span further,
+    and at spans with equal errors. From each start it moves the positions one by one.
+    """
+    if not heights.predicts:
+        return locked(even_positions(heights.edges, count, heights.closed))
+    spans = np.arange(count) / count if heights.closed else greville(clamped_knots(count, degree), degree)
+    maps = [even_map(heights), density_map(heights, "curvature")]
+    shifts = (0.0, 0.5 / count) if heights.closed else (0.0,)
+    starts = [np.interp(spans + shift, *spacing) for spacing in maps for shift in shifts]
+    even = starts[0]
+    spacing = min(maps, key=lambda spacing: heights.error(np.interp(spans, *spacing), degree))
+    for _ in range(EQUALIZING_ROUNDS):
+        spacing = equalized(spacing, heights.span_errors(np.interp(spans, *spacing), degree), heights.closed)
+    starts.append(np.interp(spans, *spacing))
+    if not heights.bends:
+        if draft:
+            starts = [min(starts, key=lambda start: heights.error(start, degree))]
+        starts = [refined(heights, start, degree, DRAFT_MOVES if draft else MAX_MOVES) for start in starts]
+    best = min(starts, key=lambda start: heights.error(start, degree))
+    rounding = float(np.finfo(np.float32).eps * np.abs(heights.values).mean())  # of vertices in mesh files
+    before, after = (heights.error(positions, degree) for positions in (even, best))
+    return locked(best if after < MAX_ERROR_RATIO * before - rounding else even)
 
 
-def initial_planes(error_model: ErrorModel, count: int, degree: int) -> Array:
-    """Return even planes, or planes with equal errors in all spans, if these have less error."""
-    even = np.linspace(*error_model.parametrization.span, count)
-    if not error_model.is_filled:
-        return even
-    selection, validation = error_model.halves
-    fractions = control_fractions(count, degree, False)
-    linear = np.array((0.0, 1.0)), np.array(error_model.parametrization.span)
-    maps, errors = equalized_maps(selection.error_along, linear, fractions, degree, False)
-    candidates = [even, *(positions_at(m, fractions) for m in maps)]
-    errors = [selection.error_along(even, degree)[0], *errors]
-    best = [even, candidates[int(np.argmin(errors))]]
-    return least_error(best, validation.errors_along(np.stack(best), degree), error_model)
+def equalized(spacing: SpacingMap, energy: Array, closed: bool) -> SpacingMap:
+    """Return a map with shorter spans where one has more error: ``energy`` is the mean square error of each."""
+    if not energy.any():
+        return spacing
+    energy = energy / energy.mean()
+    padded = np.concatenate((energy[-1:], energy, energy[:1])) if closed else np.pad(energy, 1, mode="edge")
+    weight = np.maximum((padded[:-2] + 2 * energy + padded[2:]) ** ERROR_EXPONENT, MIN_INTERVAL)
+    cumulative = np.append(0.0, np.cumsum(weight))
+    return cumulative / cumulative[-1], np.interp(np.linspace(0, 1, len(energy) + 1), *spacing)
 
 
-def refined_planes(error_model: ErrorModel, positions: Array, degree: int, moves: int) -> Array:
-    """Return planes moved one by one to less error, if the other half of the model confirms this."""
-    if moves == 0 or not error_model.is_filled or error_model.parametrization.bends:
-        return positions  # the model does not contain the error of a curved axis
-    selection, validation = error_model.halves
-    moved = refined_positions(selection.slopes_along, positions, degree, error_model.parametrization.span, False, moves)
-    candidates = [positions, moved]
-    return least_error(candidates, validation.errors_along(np.stack(candidates), degree), error_model)
-
-
-def density_lines(error_model: ErrorModel, count: int, degree: int) -> Array:
-    """Return choices of lines without a search: at even positions, even lengths and a power of the curvature."""
-    if not error_model.is_filled:
-        return line_positions(error_model, count, "uniform", degree)[None]
-    fractions = control_fractions(count, degree, error_model.parametrization.closed)
-    return np.stack([positions_at(m, fractions) for m in error_model.halves[0].maps.values()])
-
-
-def initial_lines(error_model: ErrorModel, count: int, degree: int) -> Array:
-    """Return the best of even positions, even lengths, a power of the curvature, and equal errors in all spans."""
-    if not error_model.is_filled:
-        even = even_fractions(count, error_model.parametrization.closed)
-        return positions_at(error_model.maps["uniform"], even)
-    found = error_model.remembered(("initial", count, degree), lambda: _initial_lines(error_model, count, degree))
-    return least_error(*found, error_model)
-
-
-def _initial_lines(error_model: ErrorModel, count: int, degree: int) -> tuple[list[Array], Array]:
-    """Return even lines and those with equal errors, and the errors of both."""
-    closed = error_model.parametrization.closed
-    selection, validation = error_model.halves
-    fractions = control_fractions(count, degree, closed)
-    maps = list(selection.maps.values())
-    even_lines = positions_at(maps[0], even_fractions(count, closed))
-    if closed:
-        maps = [m for map_ in maps for m in (map_, rotated_map(map_, ROTATED_INTERVALS / count))]
-    left = selection.errors_across(np.stack([positions_at(m, fractions) for m in maps]), degree)
-    equalized, errors = equalized_maps(selection.error_across, maps[int(np.argmin(left))], fractions, degree, closed)
-    candidates = [even_lines, positions_at(equalized[int(np.argmin(errors))], fractions)]
-    for positions in candidates:
-        positions.setflags(write=False)  # they are remembered
-    return candidates, validation.errors_across(np.stack(candidates), degree)
-
-
-def refined_lines(error_model: ErrorModel, positions: Array, degree: int, moves: int) -> Array:
-    """Return lines moved one by one to less error, if the other half of the model confirms this."""
-    if moves == 0 or not error_model.is_filled:
-        return positions
-    found = error_model.remembered(
-        ("refined", positions.tobytes(), degree, moves), lambda: _refined_lines(error_model, positions, degree, moves)
-    )
-    return least_error(*found, error_model)
-
-
-def _refined_lines(error_model: ErrorModel, positions: Array, degree: int, moves: int) -> tuple[list[Array], Array]:
-    """Return lines before and after the movement, and the errors of both."""
-    selection, validation = error_model.halves
-    moved = refined_positions(
-        selection.slopes_across,
-        positions,
-        degree,
-        error_model.parametrization.breadth,
-        error_model.parametrization.closed,
-        moves,
-    )
-    candidates = [positions, moved]
-    for lines in candidates:
-        lines.setflags(write=False)  # they are remembered
-    return candidates, validation.errors_across(np.stack(candidates), degree)
-
-
-def refined_positions(
-    slopes: Callable[[Array, int], tuple[Array, Array]],
-    positions: Array,
-    degree: int,
-    edges: tuple[float, float],
-    closed: bool,
-    moves: int,
-) -> Array:
+def refined(heights: Heights, positions: Array, degree: int, moves: int) -> Array:
     r"""Move positions one by one to less error, by Gauss-Newton steps with Marquardt's damping.
 
     .. math::
@@ -181,17 +153,16 @@ def refined_positions(
         \delta x = -(J^{T} J + \mu\, \overline{d}\, I)^{-1} J^{T} e, \qquad
         \overline{d} = \operatorname{tr}(J^{T} J) / m
     """
-    free = slice(None) if closed else slice(1, -1)
-    residuals, change = slopes(positions, degree)
+    free = slice(None) if heights.closed else slice(1, -1)
+    residuals, change = heights.residual_slopes(positions, degree)
     damping = INITIAL_DAMPING
     for _ in range(moves if residuals.any() else 0):
         gram = change[:, free].T @ change[:, free]
         gram[np.diag_indices_from(gram)] += damping * np.trace(gram) / len(gram)
         step = np.zeros(len(positions))
-        downhill = residuals @ change[:, free]
-        step[free] = -np.linalg.lstsq(gram, downhill, rcond=None)[0]
-        after = limited_move(positions, positions + step, edges, closed)
-        left, changed = slopes(after, degree)
+        step[free] = -np.linalg.lstsq(gram, residuals @ change[:, free], rcond=None)[0]
+        after = limited_move(positions, positions + step, heights.edges, heights.closed)
+        left, changed = heights.residual_slopes(after, degree)
         before, now = residuals @ residuals, left @ left
         if now < before:
             positions, residuals, change, damping = after, left, changed, damping / DAMPING_DECREASE
@@ -212,47 +183,3 @@ def limited_move(positions: Array, moved: Array, edges: tuple[float, float], clo
     after = np.maximum(after, least)
     lengths = np.append(0.0, np.cumsum(after * breadth / after.sum()))
     return moved[0] + lengths[:-1] if closed else np.append(edges[0] + lengths[:-1], edges[1])
-
-
-def rotated_map(m: SpacingMap, fraction: float) -> SpacingMap:
-    """Return a closed map that starts where the given fraction of it is before the start."""
-    fractions, positions = m
-    turn = positions[-1] - positions[0]
-    after = np.concatenate((fractions[fractions > fraction], 1 + fractions[(fractions > 0) & (fractions < fraction)]))
-    knots = np.concatenate(([fraction], after, [1 + fraction]))
-    period = np.concatenate((fractions, 1 + fractions[1:])), np.concatenate((positions, turn + positions[1:]))
-    return knots - fraction, positions_at(period, knots)
-
-
-def least_error(candidates: list[Array], left: Array, error_model: ErrorModel) -> Array:
-    """Return the candidate with the least error, or the first whose error is nearly as small.
-
-    Symmetric shapes and noise have several candidates with nearly equal errors.
-    """
-    rounding = float(np.finfo(np.float32).eps * np.abs(error_model.profiles).mean())  # of vertices in mesh files
-    return candidates[int(np.argmax(MAX_ERROR_RATIO * left - rounding <= left.min()))]
-
-
-def positions_at(m: SpacingMap, fractions: Array) -> Array:
-    """Return the positions at some fractions of a map."""
-    return np.interp(fractions, *m)
-
-
-def equalized_maps(
-    error: Callable[[Array, int], tuple[float, Array]], start: SpacingMap, fractions: Array, degree: int, closed: bool
-) -> tuple[list[SpacingMap], list[float]]:
-    """Return maps, each with shorter spans where the one before had more error, and their errors."""
-    maps, errors = [start], []
-    for _ in range(EQUALIZING_ROUNDS):
-        m = maps[-1]
-        left, energy = error(positions_at(m, fractions), degree)
-        errors.append(left)
-        if not energy.any():
-            return maps, errors
-        energy = energy / energy.mean()
-        padded = np.concatenate((energy[-1:], energy, energy[:1])) if closed else np.pad(energy, 1, mode="edge")
-        weight = (padded[:-2] + 2 * energy + padded[2:]) ** ERROR_EXPONENT
-        weight = np.maximum(weight, MIN_INTERVAL)  # of spans without errors
-        cumulative = np.append(0.0, np.cumsum(weight))
-        maps.append((cumulative / cumulative[-1], positions_at(m, np.linspace(0, 1, len(energy) + 1))))
-    return maps, [*errors, error(positions_at(maps[-1], fractions), degree)[0]]

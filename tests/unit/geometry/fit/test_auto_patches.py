@@ -14,9 +14,7 @@ from skin_calib_addon.geometry import (
     fit_surface,
     fit_to_tolerance,
 )
-from skin_calib_addon.geometry.fit.auto import SizePredictor, net_size
-from skin_calib_addon.geometry.fit.fitting import fit_lines
-from skin_calib_addon.geometry.grid.error_model import ErrorModel
+from skin_calib_addon.geometry.fit.auto import Predictor, net_size
 from skin_calib_addon.geometry.grid.grids import Tolerance, region_of
 from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.surface.distance import surface_samples
@@ -266,13 +264,15 @@ def test_parametrization_of_an_automatic_grid_is_that_of_its_kind():
 def test_smallest_grid_of_the_model_keeps_its_error():
     """What is predicted of the grid it names keeps within; of grids of two thirds of its control points none does."""
     mesh = coarse_wrist()
-    predictor = SizePredictor(ErrorModel.of(mesh, region_of(**SECTOR).parametrization(mesh), 60), (3, 3))
+    predictor = Predictor(mesh, region_of(**SECTOR).parametrization(mesh), (3, 3))
+    everywhere, alike = np.ones(predictor.nets.shape, bool), np.ones(2)
     for error in np.geomspace(2e-3, 2e-5, 12):
-        n, lines = predictor.smallest_size(error)
-        assert predictor.error((n, lines)) <= error
+        n, lines = predictor.smallest(error, everywhere, alike)
+        assert predictor.error((n, lines)) <= 1.15 * error  # between the numbers whose errors are predicted
         fewer = [(i, 2 * n * lines // 3 // i) for i in range(4, 20)]
         assert all(predictor.error(size) > error for size in fewer if size[1] >= 4)
-    assert predictor.smallest_size(1e-12) is None
+    assert predictor.smallest(1e-12, everywhere, alike) is None
+    assert predictor.smallest(1e-3, predictor.nets < 16, alike) is None
 
 
 TUBE = {"axis": Z_AXIS, "margin": 0.004}
@@ -291,9 +291,9 @@ TUBE = {"axis": Z_AXIS, "margin": 0.004}
 )
 def test_prediction_is_what_a_fit_keeps(mesh, where, off):
     """Within a tenth or a seventh all round, a fifth of patches, by exact distances, down to what the facets leave."""
-    predictor = SizePredictor(ErrorModel.of(mesh, region_of(**where).parametrization(mesh), 60), (3, 3))
+    predictor = Predictor(mesh, region_of(**where).parametrization(mesh), (3, 3))
     for size in ((4, 5), (4, 8), (6, 5), (5, 11), (8, 12), (8, 17), (10, 20)):
-        fit = fit_lines(mesh, predictor.lines(size), (3, 3))
+        fit = predictor.fit(size)
         np.testing.assert_allclose(predictor.error(size), fit.errors.surface_to_mesh.mean, rtol=off, err_msg=str(size))
 
 

@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from skin_calib_addon.geometry import TubeGrid, fit_surface, weld
-from skin_calib_addon.geometry.fit.auto import ErrorCurve, Search, SizePredictor
+from skin_calib_addon.geometry.fit import auto
+from skin_calib_addon.geometry.fit.auto import Search
 from skin_calib_addon.geometry.fit.chords import facet_sagittas
 from skin_calib_addon.geometry.fit.error_field import facet_gaps
 from skin_calib_addon.geometry.fit.error_report import statistics_of, winding
 from skin_calib_addon.geometry.fit.fitting import iterate
 from skin_calib_addon.geometry.fit.limits import limit_of
+from skin_calib_addon.geometry.fit.surface_fit import SurfaceFit
 from skin_calib_addon.geometry.sampling.samples import SampleRows
 from tests.shapes import Z_AXIS, cylinder
 
@@ -38,38 +40,38 @@ def test_facets_explain_a_distance_of_two_sagittas(ratio, cause):
 
 
 class Predictor:
-    """Nets of ten lines."""
+    """Nets of ten lines, each with the next of some errors."""
 
-    most_control_points = 9600
+    def __init__(self, errors):
+        self.errors, self.fitted = errors, 0
 
-    def forget(self):
-        """Nothing is stored."""
-
-    def best_sizes(self, count, _):
+    def best(self, count):
         """One size."""
-        return [(count // 10, 10)]
+        return count // 10, 10
+
+    def fit(self, size):
+        """A fit that stands for its error."""
+        self.fitted += 1
+        return SurfaceFit(*[None] * 3, SimpleNamespace(size=size[0] * size[1]), *[None] * 5)
 
 
 @pytest.mark.parametrize("errors, fitted", [((1.0, 0.75, 0.5, 0.3), 4), ((1.0, 0.75, 0.63), 3), ((1.0, 0.85), 2)])
-def test_larger_nets_are_fitted_while_they_reduce_the_error_by_a_fifth(errors, fitted):
+def test_larger_nets_are_fitted_while_they_reduce_the_error_by_a_fifth(errors, fitted, monkeypatch):
     """Of the mean; none of them is within the tolerance."""
-    search = Search(None, Predictor(), 1e-9, "mean", None)
-    search.fit = lambda size: SimpleNamespace(smallest_area=1.0, size=size)
-    search.error = lambda size: search.tried.setdefault(size, (errors[len(search.tried)], search.fit(size)))[0]
+    predictor = Predictor(errors)
+    monkeypatch.setattr(auto, "error_of", lambda *_: errors[predictor.fitted - 1])
+    search = Search(predictor, 1e-9, "mean", 0.01)
     search.enlarge()
-    assert len(search.tried) == fitted
+    assert search.best is None and len(search.nets) == predictor.fitted == fitted
 
 
-def test_proportions_of_nets_differ_by_more_than_12_percent():
-    """Errors that are equal along u and v: the best net of 400 is 20 x 20, and 17 or 23 planes are the next."""
-    predictor = SizePredictor.__new__(SizePredictor)
-
-    def error(count):
-        return float(count) ** -2.0
-
-    predictor.along = ErrorCurve(error, lambda count: (error(count), np.empty(0)), 4, 60)
-    predictor.across = ErrorCurve(error, lambda count: (error(count), np.empty(0)), 4, 160)
-    assert sorted(n for n, _ in predictor.best_sizes(400, 3)) == [17, 20, 23]
+def test_fits_that_more_planes_do_not_improve_blame_the_lines():
+    """Twice the planes leave the same error: only the factor of the lines stays near one."""
+    predictor = SimpleNamespace(parts=lambda size: (size[0] ** -2.0, size[1] ** -2.0))
+    search = Search(predictor, 8e-3, "mean", 0.01)
+    search.tried = {(n, 10): (1e-2, None) for n in (10, 20)}
+    along, across = search.factors()
+    assert along < 0.5 * across and across == pytest.approx(1, abs=0.2)
 
 
 def test_stated_half_width_is_that_of_95_percent():

@@ -12,7 +12,6 @@ from skin_calib_addon.common.errors import EmptySection, UnderdeterminedFit
 from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_grid, fit_surface
 from skin_calib_addon.geometry.fit import fitting as fit_module
 from skin_calib_addon.geometry.fit.surface_fit import surface_at
-from skin_calib_addon.geometry.grid import error_model
 from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.sampling.basis import TensorBasis
 from skin_calib_addon.geometry.sampling.samples import SampleRows
@@ -436,14 +435,3 @@ def test_fit_from_a_similar_one_takes_fewer_iterations_to_the_same_surface():
     warm = fit_surface(mesh, grid, start=near.offsets)
     assert warm.iterations < cold.iterations
     assert np.abs(warm.offsets - cold.offsets).max() < 1e-6
-
-
-def test_draft_samples_one_error_model_for_all_numbers_of_planes(monkeypatch):
-    """The profiles that place planes are cast once; exact fits cast them for each number of planes."""
-    mesh, cast = wrist(), []
-    monkeypatch.setattr(error_model, "heights", lambda *a, real=error_model.heights: cast.append(1) or real(*a))
-    for draft, counts in ((True, (2, 0, 0)), (False, (1, 1, 1))):  # the first cast is that of the outlines
-        for planes, expected in zip((9, 10, 12), counts):
-            cast.clear()
-            TubeGrid(planes, 24, Z_AXIS).line_grid(mesh, (3, 3), draft)
-            assert len(cast) == expected

@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.geometry.grid.parametrizations import FaceParametrization, TubeParametrization, parametrized_lines
-from skin_calib_addon.geometry.sampling.basis import spline_sites
 from skin_calib_addon.geometry.sampling.frames import frame_of
 from tests.shapes import TURN, Motion
 
@@ -61,22 +60,6 @@ def test_sector_parametrization_runs_from_its_last_angle_to_its_first(seed):
     first, last = (sector.angles(np.array(sector.breadth)) - sector.sector[1]).tolist()
     assert first == 0.0 and abs(last + np.ptp(sector.sector)) < 1e-12
     assert_allclose(whole.rays(np.zeros(1), np.zeros(1))[1][0, 0], whole.frame.e1, atol=1e-15)
-
-
-@given(seed=seeds, degree=st.integers(2, 5))
-def test_blended_points_are_those_of_the_spline(seed, degree):
-    """A spline whose control points stand on the lines: the place and the height of its points, row by row."""
-    for parametrization in parametrizations(seed)[::2]:
-        count, rng = 9, np.random.default_rng(seed)
-        t = parametrization.breadth[0] + np.ptp(parametrization.breadth) * np.arange(count) / count
-        heights, s = rng.uniform(0.03, 0.05, (3, count)), np.linspace(*parametrization.span, 3)
-        weights = spline_sites(count, degree, parametrization.closed).values
-        at, found = parametrization.blend(weights, t, heights)
-        origins, lines = parametrization.rays(s, t)
-        points = weights @ (origins + heights[..., None] * lines)
-        for i in range(3):
-            starts, rays = (a[0] for a in parametrization.rays(s[i : i + 1], at[i]))
-            assert_allclose(starts + found[i, :, None] * rays, points[i], atol=1e-14)
 
 
 def test_parametrization_lines_are_named_for_the_author():
