@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..common.arrays import Array, IntArray, freeze
+from ..common.arrays import Array, IntArray, cross, freeze
 from ..common.surface_errors import SurfaceErrors
 from ..common.warnings import Warning
 from .modality import Modality
@@ -89,6 +89,11 @@ class TaxelArray:
             raise ValueError(f"TaxelArray.neighbours has {len(self.neighbours)} rows, expected {n}")
         if self.ports and len(self.ports) != n:
             raise ValueError(f"TaxelArray.ports has {len(self.ports)} rows, expected {n}")
+
+    @property
+    def axes_link(self) -> Array:
+        """Return the unit vectors along the row and across it, shape (n, 2, 3)."""
+        return np.stack((self.tangents_link, cross(self.normals_link, self.tangents_link)), axis=1)
 
     @property
     def known_sigma(self) -> Array:

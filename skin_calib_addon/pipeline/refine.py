@@ -154,10 +154,8 @@ def _row_near(patch: Patch, cell: tuple[int, int]) -> int:
 
 def _step(patch: Patch, cell: tuple[int, int], motion: Motion) -> Array:
     """Return the motion of a cell in the link frame (3,) [m]."""
-    along, across = motion.at(flat_places(patch, np.array([cell])))[0]
-    row = _row_near(patch, cell)
-    normal, tangent = patch.taxels.normals_link[row], patch.taxels.tangents_link[row]
-    return along * tangent + across * np.cross(normal, tangent)
+    step: Array = motion.at(flat_places(patch, np.array([cell])))[0] @ patch.taxels.axes_link[_row_near(patch, cell)]
+    return step
 
 
 def _turned(direction: Any, patch: Patch, cell: tuple[int, int], motion: Motion) -> Any:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...calibration.model import Patch, TaxelArray
-from ...common.arrays import Array, IntArray, cross, unit
+from ...common.arrays import Array, IntArray, unit
 from ..lattice import HexLattice
 from ..neighbours import neighbours
 from ..sheet.net import board_net
@@ -133,6 +133,5 @@ def board_at(taxels: TaxelArray, lattice: HexLattice, point: Array) -> tuple[int
     """
     arms = point - taxels.positions_link
     i = int(np.argmin((arms**2).sum(axis=1)))
-    tangent, normal = taxels.tangents_link[i], taxels.normals_link[i]
-    q, r = lattice.cell_at(np.array((arms[i] @ tangent, arms[i] @ cross(normal, tangent))))
+    q, r = lattice.cell_at(taxels.axes_link[i] @ arms[i])
     return int(taxels.index[i, 0]) + q, int(taxels.index[i, 1]) + r
