@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import singledispatch
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -12,7 +11,7 @@ from ..common.arrays import Array, BoolArray
 from ..common.errors import InvalidPlan, counted, listed, millimetres
 from ..common.warnings import Place, Warning, point_of
 from ..geometry.fit.surface_fit import SurfaceFit
-from ..plan.skins import BoardSkin, ImportedSkin, Mounting, SheetSkin, Skin
+from ..plan.skins import ImportedSkin, Mounting, SheetSkin, Skin
 from ..skin.sheet.landmarks import MAX_POINT_DISTANCE
 from ..skin.sheet.wrap import WrappedSheet
 from ..skin.single_taxels import chosen_taxels
@@ -97,15 +96,13 @@ def _usual_direction(skin: Skin) -> float:
     return ORIGIN_UNCERTAINTY * np.sqrt(2) / float(np.linalg.norm(ends - ends[0], axis=1).max())
 
 
-@singledispatch
 def anchor_of(skin: Skin, patch: Patch, sheet: WrappedSheet | None) -> Array:
     """Return the point of a skin that the plan places, shape (3,) [m]; arguments as in `registration_of`."""
-    raise TypeError(f"the anchor of a {type(skin).__name__} is unknown")
-
-
-@anchor_of.register
-def _(skin: SheetSkin, patch: Patch, sheet: WrappedSheet | None) -> Array:
-    assert sheet is not None
+    if isinstance(skin, ImportedSkin):
+        middle: Array = patch.taxels.positions_link.mean(axis=0)
+        return middle
+    if sheet is None or not isinstance(skin, SheetSkin):
+        return link_point(patch, np.zeros(2))  # the root of the boards
     rows, columns = patch.shape
     cell = np.array((0.0, 0.0) if skin.origin is not None else ((rows - 1) / 2, (columns - 1) / 2))
     if skin.landmarks:
@@ -113,17 +110,6 @@ def _(skin: SheetSkin, patch: Patch, sheet: WrappedSheet | None) -> Array:
     node = sheet.uv[tuple(np.rint(2 * cell + 1).astype(int))][None]
     anchor: Array = (sheet.surface.points(node) + sheet.offset * sheet.surface.normals(node))[0]
     return anchor
-
-
-@anchor_of.register
-def _(skin: BoardSkin, patch: Patch, sheet: WrappedSheet | None) -> Array:
-    return link_point(patch, np.zeros(2))  # the root
-
-
-@anchor_of.register
-def _(skin: ImportedSkin, patch: Patch, sheet: WrappedSheet | None) -> Array:
-    middle: Array = patch.taxels.positions_link.mean(axis=0)
-    return middle
 
 
 def _unknown(patch: Patch, fit: SurfaceFit, may_fold: bool = True) -> Iterator[tuple[str, BoolArray]]:
