@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from ..calibration.exchange.taxel_set import SAME_POSITION, TaxelSet
 from ..calibration.model import MIN_TAXEL_DISTANCE, TaxelArray
-from ..common.arrays import Array, BoolArray, IntArray, unit
+from ..common.arrays import Array, BoolArray, IntArray, tangential, unit
 from ..common.errors import InvalidPlan, listed
 from ..common.findings import Finding, error, warning
 from ..common.surface_errors import DistanceStatistics
@@ -249,8 +249,7 @@ def _tangents(taxel_set: TaxelSet, surface: BSplineSurface, uv: Array, normals: 
     if taxel_set.tangents is not None:
         upright = np.linalg.norm(np.cross(taxel_set.tangents, normals), axis=1) < MIN_DIRECTION_SINE
         wanted = np.where(upright[:, None], wanted, taxel_set.tangents)
-    wanted = unit(wanted)
-    return unit(wanted - (wanted * normals).sum(axis=1, keepdims=True) * normals)
+    return tangential(unit(wanted), normals)
 
 
 def _distances(distance: Array, points: Array, mesh: TriangleMesh | None) -> Distances:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...calibration.model import Patch, TaxelArray
-from ...common.arrays import Array, IntArray, unit
+from ...common.arrays import Array, IntArray, tangential
 from ..lattice import HexLattice
 from ..neighbours import neighbours
 from ..sheet.net import board_net
@@ -35,8 +35,7 @@ def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overh
     surface, lattice = boards.surface, boards.lattice
     normals = surface.normals(boards.uv)
     positions = surface.points(boards.uv) + boards.offset * normals
-    tangents = boards.tangents - (boards.tangents * normals).sum(axis=1, keepdims=True) * normals
-    tangents = unit(tangents)
+    tangents = tangential(boards.tangents, normals)
     axes = np.stack((tangents, np.cross(normals, tangents)), axis=1)
     corners = positions[:, None] + lattice.corners @ axes
     sides = (corners + np.roll(corners, -1, axis=1)) / 2
