@@ -1,5 +1,6 @@
 """Records of a calibration: link, mesh, fitted surfaces and taxels. NumPy only."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -99,6 +100,13 @@ class TaxelArray:
     def known_sigma(self) -> Array:
         """Return ``sigma`` with a row for each taxel, shape (n, 3); NaN where nothing is stated."""
         return self.sigma if len(self.sigma) else np.full((len(self.ids), 3), np.nan)
+
+
+def neighbour_rows(ids: Sequence[str], neighbours: Iterable[Sequence[str]]) -> IntArray:
+    """Return the rows (k, 2) of each taxel and each of its neighbours, as far as their ids are among these."""
+    row_of = {taxel: row for row, taxel in enumerate(ids)}
+    pairs = [(row, row_of[other]) for row, others in enumerate(neighbours) for other in others if other in row_of]
+    return np.array(pairs, np.int64).reshape(-1, 2)
 
 
 def _checked_sigma(sigma: Array, n: int) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
 from ..common.findings import Finding, error, show, warning
-from .model import MIN_TAXEL_DISTANCE
+from .model import MIN_TAXEL_DISTANCE, neighbour_rows
 from .parts import Part, needs
 from .surface_checks import MAX_LINK_DISTANCE
 
@@ -145,8 +145,7 @@ def _tangents_follow_the_lattice(
     """
     if kind == "imported":
         return
-    row = {taxel: i for i, taxel in enumerate(ids)}
-    pairs = np.array([(i, row[b]) for i, near in enumerate(neighbours) for b in near if b in row], int).reshape(-1, 2)
+    pairs = neighbour_rows(ids, neighbours)
     index_array = np.array(index, int)
     step = index_array[pairs[:, 1]] - index_array[pairs[:, 0]]
     is_next = np.abs(step).sum(axis=1) == 1 if kind == "sheet" else _is_hexagonal_step(step)
@@ -212,11 +211,9 @@ def _neighbours_fit_pitch(
     patch: Part, ids: list[str], neighbours: list[Any], position: Array, pitch: Array
 ) -> Iterator[Finding]:
     """Check that the distance of neighbours is about a pitch; neighbours in other patches are ignored."""
-    row = {taxel: i for i, taxel in enumerate(ids)}
-    pairs = [(i, row[other]) for i, near in enumerate(neighbours) for other in near if other in row]
-    if not pairs:
+    a, b = neighbour_rows(ids, neighbours).T
+    if not len(a):
         return
-    a, b = np.array(pairs).T
     distance = float(np.median(np.linalg.norm(position[a] - position[b], axis=1)))
     low, high = DISTANCE_IN_PITCHES
     if not low * pitch.min() <= distance <= high * pitch.max():

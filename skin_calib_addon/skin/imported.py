@@ -143,13 +143,22 @@ def placed(taxel_set: TaxelSet, rotation: ArrayLike, translation: ArrayLike) -> 
 
 def _proper(rotation: ArrayLike) -> Array:
     matrix = np.asarray(rotation, float)
+    if problem := not_a_rotation(matrix):
+        raise InvalidPlan(f"the matrix {np.round(matrix, 4).tolist()} is not a rotation: it {problem}")
     u, _, v = np.linalg.svd(matrix)
-    if np.linalg.det(matrix) < 0 or np.abs(u @ v - matrix).max() > ROTATION_MATRIX_TOLERANCE:
-        raise InvalidPlan(
-            f"the matrix {np.round(matrix, 4).tolist()} is not a rotation; its rows must be orthogonal unit vectors, "
-            "right-handed"
-        )
     return u @ v
+
+
+def not_a_rotation(matrix: Array) -> str:
+    """Return what a matrix (3, 3) does that a rotation does not, as the end of a sentence; empty for a rotation."""
+    u, stretch, v = np.linalg.svd(matrix)
+    if np.linalg.det(matrix) < 0:
+        return "mirrors. Reverse one of its axes"
+    if np.abs(u @ v - matrix).max() <= ROTATION_MATRIX_TOLERANCE:
+        return ""
+    if np.ptp(stretch) <= ROTATION_MATRIX_TOLERANCE * stretch[0]:
+        return f"scales by {stretch.mean():.6g}. Give rows of length one"
+    return f"stretches directions by {stretch[2]:.4g} to {stretch[0]:.4g}. Give orthogonal rows of length one"
 
 
 def frame_on(taxel_set: TaxelSet, mesh: TriangleMesh, name: str, frame: Frame | None = None) -> Frame:
