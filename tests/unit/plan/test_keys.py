@@ -1,7 +1,7 @@
 """One entry of the table of keys is all that a key needs: schema, reading, writing and documentation follow."""
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, fields, replace
 
 import pytest
 
@@ -110,3 +110,14 @@ def test_record_that_is_written_with_its_defaults_has_them_in_the_document():
     """Keys that are always written: a reader of the file sees them."""
     assert write(COVER, read(COVER, {})) == {"shell": "outer", "cuts": []}
     assert POINT.unit == "m" and POINT.is_length and not SHEET.key("direction").type.is_length
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda record: record.name)
+def test_defaults_of_a_key_and_of_its_field_agree(record):
+    """A record that code makes has the defaults of one that is read."""
+    for make, part in ((record.make, ""), *((make, f"{part}.") for part, make in record.parts.items())):
+        defaults = make._field_defaults if hasattr(make, "_fields") else {f.name: f.default for f in fields(make)}
+        for key in record.keys:
+            own = defaults.get(key.path.removeprefix(part), MISSING)
+            if key.path.startswith(part) and not key.is_required and own is not MISSING:
+                assert own == key.default, key.name

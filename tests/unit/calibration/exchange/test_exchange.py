@@ -1,8 +1,5 @@
 """Taxel files of other programs: they are read unchanged, with warnings, or give errors with line numbers."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -595,19 +592,6 @@ def test_equal_positions_are_reported(read):
     (found,) = taxels.findings
     assert (found.code, found.pointer, found.value) == ("duplicate-position", "line 9", 2)
     assert "that of line 4" in found.message and len(taxels.labels) == 12
-
-
-def test_plan_knows_every_format():
-    """The schema of plans lists the readable formats."""
-    path = Path(__file__).parents[4] / "skin_calib_addon" / "plan" / "schema.json"
-    schema = json.loads(path.read_text("utf-8"))
-    assert tuple(schema["$defs"]["imported"]["properties"]["format"]["enum"]) == READABLE
-
-
-def test_file_of_another_format_is_reported_as_such(read):
-    """With a given format, the error states that the file has another one."""
-    with pytest.raises(CalibrationFormatError, match="does not begin with ply; check that it is the correct file"):
-        read(pcd_text(ROUND), "ply")
 
 
 def test_format_is_detected_from_the_content(read, tmp_path):

@@ -163,18 +163,6 @@ def test_ply_is_what_trimesh_reads():
     assert np.ravel(data["channel"]).astype(int).tolist() == taxels.channels.tolist()
 
 
-def test_pcd_is_what_its_specification_says():
-    """The entries in order, one row per point, and single precision for all programs."""
-    content, taxels = written("pcd")
-    lines = [row for row in content.decode().split("\n") if not row.startswith("#")]
-    names = ["VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA"]
-    assert [row.split()[0] for row in lines[:10]] == names
-    assert lines[1] == "FIELDS x y z normal_x normal_y normal_z channel" and lines[9] == "DATA ascii"
-    assert lines[5] == "WIDTH 13" and lines[8] == "POINTS 13"
-    rows = np.array([[float(word) for word in row.split()] for row in lines[10:-1]])
-    assert_allclose(rows, np.column_stack((taxels.positions, taxels.normals, taxels.channels)), rtol=0, atol=0)
-
-
 def test_pcd_is_what_another_reader_takes(tmp_path):
     """Points, normals and channels of ours, in single precision as declared; and we take what it writes."""
     pypcd4 = pytest.importorskip("pypcd4")
@@ -231,19 +219,6 @@ def test_angles_of_urdf_outlive_rounding():
     """A pitch of 90 degrees with rounding errors: the entries for roll and yaw are noise."""
     axes = np.array([[[3e-17, 0.6, 0.8], [-1e-17, 0.8, -0.6], [-1.0, 1e-17, -2e-17]]])
     assert_allclose(rotations(rpy(axes)), axes, rtol=0, atol=1e-15)
-
-
-def test_urdf_fixes_frames_to_patches_and_patches_to_the_link():
-    """A tree: the parent of a taxel is its patch, the parent of a patch is the link; patches have a taxel frame."""
-    content, taxels = written("urdf")
-    root = ElementTree.fromstring(content)
-    links = [link.get("name") for link in root.findall("link")]
-    assert len(links) == len(set(links)) == 16 and links[0] == "forearm"
-    holds = {j.find("child").get("link"): j.find("parent").get("link") for j in root.findall("joint")}
-    assert {j.get("type") for j in root.findall("joint")} == {"fixed"}
-    assert holds == {"sheet": "forearm", "flower": "forearm", **dict(zip(taxels.ids, taxels.patches))}
-    origin = {j.find("child").get("link"): j.find("origin").get("xyz") for j in root.findall("joint")}
-    assert_allclose([float(x) for x in origin["b0.0"].split()], 0, rtol=0, atol=1e-15)
 
 
 def test_urdf_has_one_list_of_names():
@@ -341,16 +316,6 @@ def test_triangles_fill_a_sheet_and_a_flower():
         a, b, c = taxels.positions[faces].transpose(1, 0, 2)
         if count != 3:
             assert ((np.cross(b - a, c - a) * taxels.normals[faces[:, 0]]).sum(axis=1) > 0).all()
-
-
-@pytest.mark.parametrize("name", WRITABLE)
-def test_bytes_are_the_same_again(name):
-    """For repeated calls, and for patches in another order if the channels define the order."""
-    patches = (seven_boards(), boards(7))
-    first = written(name, patches=patches)[0]
-    assert first == written(name, patches=patches)[0]
-    if name in ("csv", "gentact", "icub", "tum", "ply", "pcd"):
-        assert first == written(name, patches=patches[::-1])[0]
 
 
 def test_patches_are_chosen_by_name():
