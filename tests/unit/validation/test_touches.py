@@ -137,21 +137,6 @@ def test_a_wrong_channel_is_named_and_counts_little():
     assert np.abs(found.motion.shift - fine.motion.shift).max() < 2.5e-4
 
 
-def test_distant_touches_count_little():
-    """Four of fifty touches are 40 mm off along the rows: the error of the shift is below half a millimetre, not
-    three.
-    """
-    rows = np.random.default_rng(5).integers(0, ROWS * COLUMNS, 50)
-    points = points_after_motion(rows, 0.0, 0.0, PITCH)
-    outliers = np.flatnonzero(rows % COLUMNS < COLUMNS - 4)[:4]
-    felt = rows.copy()
-    felt[outliers] += 4
-    (fine,) = placements(CALIBRATION, touched(CALIBRATION, rows, points))
-    (found,) = placements(CALIBRATION, touched(CALIBRATION, felt, points))
-    assert found.offsets[:, 0].mean() - fine.offsets[:, 0].mean() < -2e-3
-    assert abs(found.motion.shift[0] - fine.motion.shift[0]) < 5e-4
-
-
 def by_columns(i, j):
     return i * 0 + (j * ROWS + i)
 

@@ -34,13 +34,6 @@ def pitches(taxels):
     return np.array([np.hypot(radius[i] * turn, points[i, 2] - points[j, 2]) for (i, j), turn in zip(pairs, turns)])
 
 
-def test_default_boards_are_those_of_the_tum_skin():
-    """The side is 16.3 mm, the area 691 mm^2 to a square millimetre, the pitch 27.75 mm."""
-    assert TUM.side == 0.0163
-    assert_allclose(TUM.pitch, 0.02775, rtol=1e-12)
-    assert_allclose(TUM.area, 691e-6, atol=1e-6)
-
-
 @examples(20)
 @given(heading=st.floats(-np.pi, np.pi), gap=st.floats(-0.001, 0.003))
 def test_plane_is_the_identity(heading, gap):

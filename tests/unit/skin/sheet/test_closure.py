@@ -60,13 +60,6 @@ def test_closure_of_columns_and_of_a_short_sheet():
     assert closure(wrap_sheet(plane_surface(), SheetLattice(3, 4, SQUARE), None, (1, 0, 0))) is None
 
 
-@pytest.mark.parametrize("columns, closes", [(10, False), (12, True)])
-def test_sheet_of_half_a_turn_closes(columns, closes):
-    """22 columns are a turn: a sheet that is clearly shorter than half of it is on one side of the link."""
-    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(3, columns, SQUARE), None, (0, 1, 0))
-    assert (closure(sheet) is not None) == closes
-
-
 def test_long_paths_are_those_of_the_developed_cone():
     """Up to four fifths of a turn and 20 cm: lengths and headings are those of a straight line in the plane."""
     surface, rng = cone_surface(0.02, 0.05, 0.1), np.random.default_rng(0)
