@@ -102,6 +102,12 @@ class TaxelArray:
         return self.sigma if len(self.sigma) else np.full((len(self.ids), 3), np.nan)
 
 
+def fan_areas(centres: Array, corners: Array) -> Array:
+    """Return the area (n,) [m^2] of each cell as the sum of the triangles from its centre to its sides."""
+    arms = corners - centres[:, None]
+    return np.linalg.norm(np.cross(arms, np.roll(arms, -1, axis=1)), axis=2).sum(axis=1) / 2
+
+
 def neighbour_rows(ids: Sequence[str], neighbours: Iterable[Sequence[str]]) -> IntArray:
     """Return the rows (k, 2) of each taxel and each of its neighbours, as far as their ids are among these."""
     row_of = {taxel: row for row, taxel in enumerate(ids)}

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
 from ..common.findings import Finding, error, show, warning
-from .model import MIN_TAXEL_DISTANCE, neighbour_rows
+from .model import MIN_TAXEL_DISTANCE, fan_areas, neighbour_rows
 from .parts import Part, needs
 from .surface_checks import MAX_LINK_DISTANCE
 
@@ -113,8 +113,7 @@ def _outlines_do_not_cross(patch: Part, normal: Array, corners: Array) -> Iterat
 @needs("kind", "position", "area", "corners")
 def _areas_fit_corners(patch: Part, kind: str, position: Array, area: Array, corners: Array) -> Iterator[Finding]:
     """Compare each area with that of the triangles of position and sides, which follow a cell that bends."""
-    spokes = corners - position[:, None]
-    spanned = np.linalg.norm(np.cross(spokes, np.roll(spokes, -1, axis=1)), axis=2).sum(1) / 2
+    spanned = fan_areas(position, corners)
     ratio = float(np.min(area / np.where(spanned > 0, spanned, np.inf)))
     if ratio > AREA_UNIT_RATIO:
         message = (

@@ -24,6 +24,7 @@ from ..skin.uncertainty import (
     taxel_uncertainty,
     usual_curvature,
 )
+from ..skin.warnings import cells_warning
 from ..validation.placement import flat_places, flat_point, link_point
 
 # [1] difference to the normal of the surface from which on a board of the file gives the normal. Larger: boards that
@@ -130,13 +131,8 @@ def unknown_sigma(patch: Patch, fit: SurfaceFit) -> Iterator[Warning]:
     for reason, unknown in (*reasons, ("it cannot be computed there", ~others)):
         rows = np.flatnonzero(unknown)
         if len(rows):
-            taxels = tuple(patch.taxels.ids[i] for i in rows)
-            yield Warning(
-                "no-uncertainty",
-                "warning",
-                f"The uncertainty of {counted(len(rows), 'taxel')} of {patch.name} is unknown, because {reason}: "
-                f"{listed(taxels)}.",
-                Place(point_of(patch.taxels.positions_link[rows[0]]), skin=patch.name, taxels=taxels),
-                float(len(rows)),
-                "Move the skin, or mend the surface there.",
-            )
+            which = f"{counted(len(rows), 'taxel')} of {patch.name}"
+            names = listed([patch.taxels.ids[i] for i in rows])
+            message = f"The uncertainty of {which} is unknown, because {reason}: {names}."
+            advice = "Move the skin, or mend the surface there."
+            yield cells_warning("no-uncertainty", patch, rows, message, float(len(rows)), advice)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from ..calibration.exchange.taxel_set import SAME_POSITION, TaxelSet
-from ..calibration.model import MIN_TAXEL_DISTANCE, TaxelArray
+from ..calibration.model import MIN_TAXEL_DISTANCE, TaxelArray, fan_areas
 from ..common.arrays import Array, BoolArray, IntArray, tangential, unit
 from ..common.errors import InvalidPlan, listed
 from ..common.findings import Finding, error, warning
@@ -22,7 +22,6 @@ from ..geometry.surface.bspline import BSplineSurface
 from ..geometry.surface.footpoints import footpoints
 from .board_planes import board_planes
 from .sheet.constraints import MIN_DIRECTION_SINE
-from .sheet.taxels import fan_areas
 
 # Smallest cosine of the angle between a board of a file and the surface that it belongs to. Larger: more boards have
 # the normals of the surface.

@@ -114,9 +114,3 @@ def preview_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0) -> Ta
     corners = np.stack([corner[k].reshape(-1, 3) for k in lattice.counter_clockwise(CORNERS)], axis=1)[inside]
     uv = sheet.uv[1::2, 1::2].reshape(-1, 2)[inside]
     return _taxels(sheet, name, first_channel, uv, positions, normals, along, corners, strain)
-
-
-def fan_areas(centres: Array, corners: Array) -> Array:
-    """Return the area (n,) [m^2] of each cell as the sum of the triangles from its centre to its sides."""
-    arms = corners - centres[:, None]
-    return np.linalg.norm(np.cross(arms, np.roll(arms, -1, axis=1)), axis=2).sum(axis=1) / 2

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.calibration.exchange import TaxelSet
+from skin_calib_addon.calibration.model import fan_areas
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.common.findings import warning
 from skin_calib_addon.skin.imported import (
@@ -20,7 +21,6 @@ from skin_calib_addon.skin.imported import (
     near_pairs,
     placed,
 )
-from skin_calib_addon.skin.sheet.taxels import fan_areas
 from tests.shapes import RADIUS, Motion, cone_surface, cylinder, plane_surface, sheet, wrist, wrist_surface
 
 PITCH = 0.006
