@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -72,9 +71,6 @@ def imported_taxels(
     *,
     frame: Frame | None = None,
     snap: bool = False,
-    tangent: Literal["u", "v"] = "u",
-    farthest: float = MAX_SKIN_THICKNESS,
-    pitch: float | None = None,
 ) -> ImportedTaxels:
     """Return the taxels of a file with footpoints, outward normals and frames of a surface.
 
@@ -90,8 +86,8 @@ def imported_taxels(
     gap = ((given - feet) * upright).sum(axis=1)
     normals = upright if snap else board_normals(taxel_set, upright)
     positions = feet if snap else given
-    tangents = _tangents(taxel_set, surface, uv, normals, tangent)
-    pitch = median_pitch(positions, name) if pitch is None else pitch
+    tangents = _tangents(taxel_set, surface, uv, normals)
+    pitch = median_pitch(positions, name)
     pairs = near_pairs(positions, normals, 2 * MAX_CELL_RADIUS * pitch, name)
     corners = outlines(positions, normals, tangents, pairs, MAX_CELL_RADIUS * pitch)
     adjacent = gabriel(positions, normals, pairs) if taxel_set.neighbours is None else _at_ports(taxel_set)
@@ -113,7 +109,9 @@ def imported_taxels(
     lateral = np.linalg.norm(given - feet - gap[:, None] * upright, axis=1)
     found = (
         *_frame_findings(name, fit, frame),
-        *_named("far", ids, distance > farthest, f"farther than {farthest * 1e3:g} mm from the surface"),
+        *_named(
+            "far", ids, distance > MAX_SKIN_THICKNESS, f"farther than {MAX_SKIN_THICKNESS * 1e3:g} mm from the surface"
+        ),
         *_named("beyond-edge", ids, at_edge & (lateral > SAME_POSITION), "beyond an open edge of the surface"),
         *_flipped(name, taxel_set, normals),
         *_merged(ids, given, positions, pitch),
@@ -182,7 +180,9 @@ def median_pitch(positions: Array, name: str) -> float:
     """Return the median distance from a taxel to the nearest one at another position [m]."""
     points = positions[np.unique(np.round(positions / SAME_POSITION), axis=0, return_index=True)[1]]
     if len(points) < 2:
-        raise InvalidPlan(f"the taxels of {name} have one position, so that their cells have no size; give a pitch")
+        raise InvalidPlan(
+            f"the taxels of {name} have one position, so that their cells have no size. Import at least two"
+        )
     return float(np.median(np.asarray(cKDTree(points).query(points, k=2)[0])[:, 1]))
 
 
@@ -227,7 +227,7 @@ def near_pairs(positions: Array, normals: Array, far: float, name: str) -> IntAr
     if tree.count_neighbors(tree, far) > MAX_MEAN_NEIGHBOURS * len(positions):
         raise InvalidPlan(
             f"the taxels of {name} are too close together for a pitch of {far / 2 / MAX_CELL_RADIUS * 1e3:.3g} mm. "
-            "Give a smaller pitch"
+            "Remove those at the same position"
         )
     pairs = tree.query_pairs(far, output_type="ndarray").astype(np.int64)
     return pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) > 0]
@@ -250,10 +250,9 @@ def _symmetric(ids: tuple[str, ...], pairs: IntArray) -> tuple[tuple[str, ...], 
     return tuple(tuple(ids[j] for j in sorted(row)) for row in adjacent)
 
 
-def _tangents(taxel_set: TaxelSet, surface: BSplineSurface, uv: Array, normals: Array, along: str) -> Array:
-    """Return unit tangents perpendicular to the normals: those of the file, or else along the surface."""
-    r = surface.derivatives(uv)
-    wanted = r[1, 0] if along == "u" else r[0, 1]
+def _tangents(taxel_set: TaxelSet, surface: BSplineSurface, uv: Array, normals: Array) -> Array:
+    """Return unit tangents perpendicular to the normals: those of the file, or else along u."""
+    wanted = surface.derivatives(uv)[1, 0]
     if taxel_set.tangents is not None:
         upright = np.linalg.norm(np.cross(taxel_set.tangents, normals), axis=1) < MIN_DIRECTION_SINE
         wanted = np.where(upright[:, None], wanted, taxel_set.tangents)

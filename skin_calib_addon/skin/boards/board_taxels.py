@@ -8,7 +8,6 @@ from ...calibration.model import Patch, TaxelArray, neighbour_rows
 from ...common.arrays import Array, IntArray, tangential
 from ..lattice import HexLattice
 from ..neighbours import angles, largest_of, neighbours
-from ..sheet.net import board_net
 from .layout import WrappedBoards
 
 
@@ -42,7 +41,7 @@ def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overh
     ids = tuple(f"{name}.{q}.{r}" for q, r in boards.cells.tolist())
     adjacent = neighbours(ids, positions, normals, corners)
     pairs = neighbour_rows(ids, adjacent)
-    linked = board_net(lattice, boards.cells).pairs
+    linked = lattice.linked(boards.cells)
     linked = np.concatenate((linked, linked[:, ::-1]))
     return TaxelArray(
         ids=ids,

@@ -9,7 +9,6 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.calibration.exchange import TaxelSet
-from skin_calib_addon.calibration.model import fan_areas
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.common.findings import warning
 from skin_calib_addon.skin.imported import (
@@ -138,12 +137,11 @@ def test_normals_point_out_of_the_cylinder_whatever_the_file_says():
 
 
 def test_tangents_run_along_the_surface_or_as_the_file_says():
-    """Tangents are along u or v, or those of the file, projected; perpendicular ones of the file are replaced."""
+    """Tangents are along u, or those of the file, projected; perpendicular ones of the file are replaced."""
     positions, surface = rolled(lattice(4, 30, "triangle")), cone_surface(RADIUS, RADIUS)
-    r = surface.derivatives(imported_taxels(taxel_set(positions), surface, "s").taxels.uv)
-    for name, along in (("u", r[1, 0]), ("v", r[0, 1])):
-        found = imported_taxels(taxel_set(positions), surface, "s", tangent=name).taxels.tangents_link
-        assert_allclose((found * along).sum(axis=1), np.linalg.norm(along, axis=1), rtol=1e-9)
+    taxels = imported_taxels(taxel_set(positions), surface, "s").taxels
+    along = surface.derivatives(taxels.uv)[1, 0]
+    assert_allclose((taxels.tangents_link * along).sum(axis=1), np.linalg.norm(along, axis=1), rtol=1e-9)
     given = np.tile((0, 0.6, 0.8), (len(positions), 1))
     given[7] = positions[7] * (1, 1, 0) / RADIUS
     found = imported_taxels(taxel_set(positions, tangents=given), surface, "s").taxels
@@ -235,7 +233,7 @@ def test_taxel_straight_above_is_no_bound():
     positions = flat(lattice(5, 5, "square"))
     stacked = np.vstack((positions, positions[12] + (1e-12, 0, 0.002)))
     alone = imported_taxels(taxel_set(positions), plane_surface(), "s").taxels
-    below = imported_taxels(taxel_set(stacked), plane_surface(), "s", pitch=PITCH).taxels
+    below = imported_taxels(taxel_set(stacked), plane_surface(), "s").taxels
     assert_allclose(below.areas[12], alone.areas[12], rtol=1e-9)
 
 
@@ -270,7 +268,6 @@ def test_taxels_off_the_surface_are_named():
     assert "s.t3 is the first of 3 taxels beyond an open edge of the surface: s.t3, s.t8, s.t9" in texts[1]
     assert "s.t15 is the only taxel farther than 10 mm from the surface" in texts[0]
     assert len(result.taxels.ids) == 20
-    assert codes(imported_taxels(taxel_set(positions), plane_surface(), "s", farthest=0.03)).keys() == {"beyond-edge"}
     round_it = rolled(lattice(3, 36, "triangle"))  # the seam of a closed surface is not an edge
     assert imported_taxels(taxel_set(round_it), cone_surface(RADIUS, RADIUS), "s").findings == ()
 
@@ -350,15 +347,11 @@ def test_placed_takes_a_rotation_rounded_by_hand():
             placed(taxel_set(positions), wrong, (0, 0, 0))
 
 
-def test_taxels_without_spacing_need_a_pitch():
-    """A single taxel, or taxels at one position, have no spacing; with a pitch the cell is round."""
+def test_taxels_without_spacing_are_refused():
+    """The cells of a single taxel, or of taxels at one position, have no size."""
     for positions in (flat(np.zeros((1, 2))), flat(np.zeros((3, 2)))):
-        with pytest.raises(InvalidPlan, match="the taxels of s have one position, so .* have no size; give a pitch"):
+        with pytest.raises(InvalidPlan, match="the taxels of s have one position, so that their cells have no size"):
             imported_taxels(taxel_set(positions), plane_surface(), "s")
-        taxels = imported_taxels(taxel_set(positions), plane_surface(), "s", pitch=0.01).taxels
-        arms = taxels.corners_link - positions[:, None]
-        assert_allclose(np.linalg.norm(arms, axis=2), MAX_CELL_RADIUS * 0.01, rtol=1e-9)
-        assert_allclose(taxels.areas, fan_areas(positions, taxels.corners_link), rtol=1e-12)
 
 
 def test_many_taxels_at_one_position_are_refused():
@@ -413,8 +406,8 @@ def test_snapped_taxels_may_not_be_in_one_place():
     """A taxel above another one stays in the file's position; moved to the surface, both have one place."""
     positions = flat(lattice(5, 5, "square"))
     stacked = np.vstack((positions, positions[12] + (1e-5, 0, 0.005)))
-    assert "merged" not in codes(imported_taxels(taxel_set(stacked), plane_surface(), "s", pitch=PITCH))
-    result = imported_taxels(taxel_set(stacked), plane_surface(), "s", snap=True, pitch=PITCH)
+    assert "merged" not in codes(imported_taxels(taxel_set(stacked), plane_surface(), "s"))
+    result = imported_taxels(taxel_set(stacked), plane_surface(), "s", snap=True)
     (found,) = (f for f in result.findings if f.code == "merged")
     assert found.severity == "error" and found.pointer == "s.t12"
     assert (
