@@ -56,21 +56,13 @@ def _corners_are_rectangular(patch: Part, corners: list[Any]) -> Iterator[Findin
             yield error("length", patch.at("corners", row), message, polygon)
 
 
-@needs("normal")
-def _normals_are_unit(patch: Part, normal: Array) -> Iterator[Finding]:
-    yield from _not_unit(patch, "normal", normal)
-
-
-@needs("tangent")
-def _tangents_are_unit(patch: Part, tangent: Array) -> Iterator[Finding]:
-    yield from _not_unit(patch, "tangent", tangent)
-
-
-def _not_unit(patch: Part, name: str, vectors: Array) -> Iterator[Finding]:
-    length = np.linalg.norm(vectors, axis=1)
-    for row in np.flatnonzero(~(np.abs(length - 1) <= SINGLE_ROUNDING)):
-        message = f"has length {length[row]:.12g}; it must be a unit vector"
-        yield error("not-unit", patch.at(name, row), message, vectors[row].tolist())
+def _vectors_are_unit(patch: Part) -> Iterator[Finding]:
+    for name in ("normal", "tangent"):
+        vectors = patch.members.get(name, np.zeros((0, 3)))
+        length = np.linalg.norm(vectors, axis=1)
+        for row in np.flatnonzero(~(np.abs(length - 1) <= SINGLE_ROUNDING)):
+            message = f"has length {length[row]:.12g}; it must be a unit vector"
+            yield error("not-unit", patch.at(name, row), message, vectors[row].tolist())
 
 
 @needs("normal", "tangent")
@@ -298,8 +290,7 @@ def _fan(corners: Array) -> Array:
 SHAPE_CHECKS = (_columns_are_parallel, _corners_are_rectangular)
 CHECKS = (
     _ports_are_neighbours,
-    _normals_are_unit,
-    _tangents_are_unit,
+    _vectors_are_unit,
     _tangents_are_perpendicular,
     _tangents_follow_the_lattice,
     _normals_are_outward,
