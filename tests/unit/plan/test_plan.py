@@ -95,33 +95,24 @@ rest = {
     "margin": st.floats(0, 10),
     "spacing": st.sampled_from(["auto", "uniform", "arc"]),
 }
-rest_of_auto = {"axis": rest["axis"], "margin": rest["margin"]}
-closed_or_open = st.fixed_dictionaries(
-    {
-        "kind": st.just("planes"),
-        "u": st.lists(planes, min_size=1, max_size=3),
-        "v": st.lists(planes, min_size=1, max_size=3),
-        "closed": st.booleans(),
-    }
-)
+angles = {"from": st.floats(-9, 9), "to": st.floats(-9, 9)}
+
+
+def grid(kind, optional=rest, **members):
+    """Draw grids of a kind with these members, and with any of the optional ones."""
+    return st.fixed_dictionaries({"kind": st.just(kind), **members}, optional=optional)
+
+
+rest_of_auto = {"measure": st.sampled_from(["mean", "max"]), "axis": rest["axis"], "margin": rest["margin"]}
+few_planes = st.lists(planes, min_size=1, max_size=3)
 grids = st.one_of(
-    st.fixed_dictionaries({"kind": st.just("tube"), "n": counts, "m": counts}, optional=rest),
-    st.fixed_dictionaries({"kind": st.just("tube"), "n": counts, "lines": counts}, optional=rest),
-    st.fixed_dictionaries(
-        {"kind": st.just("patch"), "n": counts, "lines": counts, "from": st.floats(-9, 9), "to": st.floats(-9, 9)},
-        optional=rest,
-    ),
-    st.fixed_dictionaries({"kind": st.just("patch"), "n": counts, "m": counts, "normal": vectors}, optional=rest),
-    closed_or_open,
-    st.fixed_dictionaries(
-        {"kind": st.just("auto"), "tolerance": lengths},
-        optional={"measure": st.sampled_from(["mean", "max"]), "axis": rest["axis"], "margin": rest["margin"]}
-        | {"normal": vectors},
-    ),
-    st.fixed_dictionaries(
-        {"kind": st.just("auto"), "tolerance": lengths, "from": st.floats(-9, 9), "to": st.floats(-9, 9)},
-        optional=rest_of_auto,
-    ),
+    grid("tube", n=counts, m=counts),
+    grid("tube", n=counts, lines=counts),
+    grid("patch", n=counts, lines=counts, **angles),
+    grid("patch", n=counts, m=counts, normal=vectors),
+    grid("planes", {}, u=few_planes, v=few_planes, closed=st.booleans()),
+    grid("auto", rest_of_auto | {"normal": vectors}, tolerance=lengths),
+    grid("auto", rest_of_auto, tolerance=lengths, **angles),
 )
 sheets = st.fixed_dictionaries(
     {

@@ -212,30 +212,20 @@ def test_tum_reader_has_limits(read, monkeypatch):
     [
         ("x,y,z,nx,ny,nz", 0, "0"),
         ("Index,X,Y,Z,NormX,NormY,NormZ", 40, "40"),
-        ("id,row,index,x,y,z,normal_x,normal_y,normal_z", 30, "name 20"),
-        ("label,index,nz,ny,nx,z,y,x,remark", 30, "name 20"),
+        ("id,row,index,x,y,z,normal_x,normal_y,normal_z", 30, "a, b"),
+        ("label,index,nz,ny,nx,z,y,x,remark", 40, "a, b"),
         (" Channel , Row ,X, Y,Z,NX,NY,NZ", 20, "20"),
     ],
 )
 def test_columns_are_found_by_name(read, header, channel, label):
     """In any order and case, with other columns; channel has priority over row, and row over index."""
-    names = [name.strip().lower() for name in header.split(",")]
-    known = {"x": 0, "y": 1, "z": 2, "nx": 3, "ny": 4, "nz": 5}
-    numbers = np.column_stack((ROUND, OUTWARD))
-    lines = [header]
-    for i, row in enumerate(numbers):
-        first = {"id": f"name {20 + i}", "label": f"name {20 + i}", "channel": 20 + i, "remark": "a, b"}
-        first |= {"row": 30 + i, "index": (30 if "label" in names else 40) + i}
-        cells = []
-        for name in names:
-            axis = name.replace("normal_", "n").replace("norm", "n")
-            cells.append(f'"{first[name]}"' if name in first else f"{row[known[axis]]:.17g}")
-        lines.append(",".join(cells))
-    taxels = read("\n".join(lines))
-    assert taxels.channels.tolist() == list(range(channel, channel + 12))
-    assert taxels.labels[0] == label and taxels.findings == ()
-    assert (taxels.positions == ROUND).all()
-    assert_allclose(taxels.normals, OUTWARD, rtol=0, atol=1e-12)
+    first = {"id": '"a, b"', "label": '"a, b"', "channel": 20, "row": 30, "index": 40, "remark": 7}
+    first |= {"x": 0.1, "y": 0.2, "z": 0.3, "nx": 0.0, "ny": 0.6, "nz": 0.8}
+    names = [name.strip().lower().replace("normal_", "n").replace("norm", "n") for name in header.split(",")]
+    taxels = read(f"{header}\n" + ",".join(str(first[name]) for name in names))
+    assert taxels.channels.tolist() == [channel] and taxels.labels == (label,) and taxels.findings == ()
+    assert taxels.positions.tolist() == [[0.1, 0.2, 0.3]]
+    assert_allclose(taxels.normals, [[0, 0.6, 0.8]], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
