@@ -102,6 +102,7 @@ def test_warnings_report_skins_that_do_not_fit(tmp_path):
     (gap,) = (w for w in warnings if w.code == "board-gap")
     assert "boards of boards have a corner more than 3 mm off the surface" in gap.message
     assert gap.where.skin == "boards" and gap.where.taxels[0] in gap.message and gap.value > 3e-3
+    assert gap.value == np.abs(result.calibration.patches[1].taxels.quality["gap"]).max()
     assert made([SHEET | {"columns": 31}], tmp_path).warnings == ()
     with pytest.raises(InvalidPlan, match=r"skin 'band' overlaps itself by up to 15.* Use 2 fewer columns"):
         made([SHEET | {"overlap": False}], tmp_path)

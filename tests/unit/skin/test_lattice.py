@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.skin import HexLattice, SheetLattice
+from skin_calib_addon.skin.lattice import PORTS
 
 
 @pytest.mark.parametrize(
@@ -25,3 +26,12 @@ def test_point_belongs_to_the_cell_with_the_nearest_centre(q, r, away, turn):
     lattice = HexLattice(0.0163, -0.0005)
     place = lattice.centres(np.array([[q, r]]))[0] + away * lattice.pitch * np.array((np.cos(turn), np.sin(turn)))
     assert lattice.cell_at(place) == (q, r)
+
+
+def test_boards_are_linked_to_those_at_their_six_sides():
+    """A flower has six links from its middle and six around it, each once and as long as the pitch."""
+    lattice, cells = HexLattice(0.01, 0.001), np.array([(0, 0), *PORTS])
+    pairs = lattice.linked(cells)
+    assert len({frozenset(pair) for pair in pairs.tolist()}) == len(pairs) == 12
+    ends = lattice.centres(cells)[pairs]
+    np.testing.assert_allclose(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), lattice.pitch)

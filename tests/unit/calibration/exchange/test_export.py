@@ -126,9 +126,10 @@ def test_table_of_gentact_has_its_header():
 def test_table_names_neighbours_by_channel():
     """Also across patches; neighbours in patches that are not written are left out."""
     first = renamed(boards(20), neighbours=(("h1", "s0.0"), ("h0",)))
-    content, _ = written("csv", patches=(sheet(1, 2, 0.01), first))
+    content, taxels = written("csv", patches=(sheet(1, 2, 0.01), first))
     rows = {row["id"]: row for row in csv.DictReader(io.StringIO(content.decode()))}
     assert rows["h0"]["neighbours"] == "21 0" and rows["s0.0"]["neighbours"] == "1"
+    assert [float(row["area"]) for row in rows.values()] == taxels.areas.tolist()
     assert (rows["h0"]["patch"], rows["h0"]["link"], rows["h0"]["channel"]) == ("boards", "forearm", "20")
     content, _ = written("csv", patches=(first,))
     assert next(csv.DictReader(io.StringIO(content.decode())))["neighbours"] == "21"
