@@ -321,23 +321,6 @@ def test_calibration_without_taxels_is_refused():
             written(name, patches=())
 
 
-@pytest.mark.parametrize("name", ["csv", "ply", "pcd", "urdf"])
-@pytest.mark.parametrize("label", ["a" * 201, " a", "a ", "a\u2028b", "\u00a0"])
-def test_id_that_would_not_come_back_is_refused(name, label):
-    """Too long, spaces at the ends, not printable; the longest allowed id is written."""
-    patch = renamed(boards(), ids=(label, "b"), neighbours=((), ()))
-    with pytest.raises(CalibrationFormatError, match="the id .* cannot be written: .*. Rename it"):
-        written(name, patches=(patch,))
-    assert written(name, patches=(renamed(patch, ids=("a" * 200, "b")),))
-
-
-@pytest.mark.parametrize("name", ["csv", "gentact", "ply", "pcd", "urdf", "urdf-tactile"])
-def test_link_that_would_not_come_back_is_refused(name):
-    """A reader would strip the space."""
-    with pytest.raises(CalibrationFormatError, match='the link name "arm " cannot be written: .*. Rename it'):
-        written(name, link="arm ")
-
-
 def test_documentation_has_the_table():
     """Each format with ending, content, ids, and whether it can be read, in the order of the table."""
     text = (Path(__file__).parents[4] / "docs" / "reference" / "exports.md").read_text("utf-8")
