@@ -7,6 +7,7 @@ therefore no error, but a mean over many touches is.
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -284,19 +285,18 @@ def other_order(placement: Placement) -> str | None:
     places, touched = placement.places[known], placement.rows[known]
     i, j = taxels.index[touched].T
     number = i * columns + j
-    by_rows, by_columns = (i, j), (number % rows, number // rows)
     best, description = ORDER_GAIN * _mean(taxels.positions_link[touched] - places), None
     row_at = np.empty((rows, columns), np.int64)
     row_at[tuple(taxels.index.T)] = np.arange(len(taxels.ids))
-    for name, (a, b) in (("", by_rows), ("column by column", by_columns)):
-        for flip_rows in (False, True):
-            for flip_columns in (False, True):
-                other = row_at[rows - 1 - a if flip_rows else a, columns - 1 - b if flip_columns else b]
-                mean = _mean(taxels.positions_link[other] - places)
-                if mean < best and mean < max(patch.pitch):
-                    flips = [n for n, is_so in (("rows", flip_rows), ("columns", flip_columns)) if is_so]
-                    ends = f"{' and '.join(flips)} counted from the other end" if flips else ""
-                    best, description = mean, ", ".join(part for part in (name, ends) if part)
+    for by_columns, flip_rows, flip_columns in product((False, True), repeat=3):
+        a, b = (number % rows, number // rows) if by_columns else (i, j)
+        other = row_at[rows - 1 - a if flip_rows else a, columns - 1 - b if flip_columns else b]
+        mean = _mean(taxels.positions_link[other] - places)
+        if mean < best and mean < max(patch.pitch):
+            flips = [name for name, is_so in (("rows", flip_rows), ("columns", flip_columns)) if is_so]
+            order = ["column by column"] * by_columns
+            ends = [f"{' and '.join(flips)} counted from the other end"] * bool(flips)
+            best, description = mean, ", ".join(order + ends)
     return description
 
 
