@@ -254,12 +254,9 @@ def test_command_prints_the_warnings_of_the_fit_and_of_the_refined_plan(folder, 
     [
         ("cone.json", ["--refine", "-o", "out.json"], 1, "--refine needs the plan file"),
         ("cone.plan.json", ["--refine"], 2, "--refine and -o OUT belong together"),
-        ("cone.plan.json", ["-o", "out.json"], 2, "--refine and -o OUT belong together"),
         ("cone.plan.json", ["--refine", "-o", "none/out.json"], 2, "the folder"),
         ("cone.plan.json", ["--refine", "-o", "t.csv"], 2, "t.csv would replace"),
-        ("cone.json", ["--picture", "cone.json"], 2, "cone.json would replace"),
         ("t.csv", [], 1, "t.csv"),
-        ("none.json", [], 1, "none.json"),
     ],
 )
 def test_command_refuses_in_one_line(folder, capsys, file, words, code, message):
