@@ -24,7 +24,7 @@ Generated from `skin_calib_addon/plan/keys.py` by `scripts/plan_keys.py`. Length
 directions are in the link frame. Keys at the top level that begin with `x_` are yours;
 they are kept.
 """
-COLUMNS = ("key", "value", "default", "meaning", "in the window", "acts in")
+COLUMNS = ("key", "value", "default", "meaning", "in the window")
 
 
 def schema() -> str:
@@ -48,8 +48,7 @@ def row(key: Key) -> tuple[str, ...]:
     """Return the cells of one key."""
     in_window = key.switch.label + " / " * bool(key.label) + key.label if key.switch else key.label
     unit = f" [{key.type.unit}]" if key.type.unit else ""
-    module = f"`{key.acts}`" if key.acts else ""
-    return f"`{key.name}`", key.type.words + unit, default(key), meaning(key), in_window, module
+    return f"`{key.name}`", key.type.words + unit, default(key), meaning(key), in_window
 
 
 def default(key: Key) -> str:

@@ -1,11 +1,12 @@
 """Records of a calibration: link, mesh, fitted surfaces and taxels. NumPy only."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from ..common.arrays import Array, IntArray, freeze
+from ..common.arrays import Array, IntArray, cross, freeze
 from ..common.surface_errors import SurfaceErrors
 from ..common.warnings import Warning
 from .modality import Modality
@@ -91,9 +92,27 @@ class TaxelArray:
             raise ValueError(f"TaxelArray.ports has {len(self.ports)} rows, expected {n}")
 
     @property
+    def axes_link(self) -> Array:
+        """Return the unit vectors along the row and across it, shape (n, 2, 3)."""
+        return np.stack((self.tangents_link, cross(self.normals_link, self.tangents_link)), axis=1)
+
+    @property
     def known_sigma(self) -> Array:
         """Return ``sigma`` with a row for each taxel, shape (n, 3); NaN where nothing is stated."""
         return self.sigma if len(self.sigma) else np.full((len(self.ids), 3), np.nan)
+
+
+def fan_areas(centres: Array, corners: Array) -> Array:
+    """Return the area (n,) [m^2] of each cell as the sum of the triangles from its centre to its sides."""
+    arms = corners - centres[:, None]
+    return np.linalg.norm(np.cross(arms, np.roll(arms, -1, axis=1)), axis=2).sum(axis=1) / 2
+
+
+def neighbour_rows(ids: Sequence[str], neighbours: Iterable[Sequence[str]]) -> IntArray:
+    """Return the rows (k, 2) of each taxel and each of its neighbours, as far as their ids are among these."""
+    row_of = {taxel: row for row, taxel in enumerate(ids)}
+    pairs = [(row, row_of[other]) for row, others in enumerate(neighbours) for other in others if other in row_of]
+    return np.array(pairs, np.int64).reshape(-1, 2)
 
 
 def _checked_sigma(sigma: Array, n: int) -> Array:

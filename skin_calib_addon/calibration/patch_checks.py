@@ -10,7 +10,7 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
 from ..common.findings import Finding, error, show, warning
-from .model import MIN_TAXEL_DISTANCE
+from .model import MIN_TAXEL_DISTANCE, fan_areas, neighbour_rows
 from .parts import Part, needs
 from .surface_checks import MAX_LINK_DISTANCE
 
@@ -56,21 +56,13 @@ def _corners_are_rectangular(patch: Part, corners: list[Any]) -> Iterator[Findin
             yield error("length", patch.at("corners", row), message, polygon)
 
 
-@needs("normal")
-def _normals_are_unit(patch: Part, normal: Array) -> Iterator[Finding]:
-    yield from _not_unit(patch, "normal", normal)
-
-
-@needs("tangent")
-def _tangents_are_unit(patch: Part, tangent: Array) -> Iterator[Finding]:
-    yield from _not_unit(patch, "tangent", tangent)
-
-
-def _not_unit(patch: Part, name: str, vectors: Array) -> Iterator[Finding]:
-    length = np.linalg.norm(vectors, axis=1)
-    for row in np.flatnonzero(~(np.abs(length - 1) <= SINGLE_ROUNDING)):
-        message = f"has length {length[row]:.12g}; it must be a unit vector"
-        yield error("not-unit", patch.at(name, row), message, vectors[row].tolist())
+def _vectors_are_unit(patch: Part) -> Iterator[Finding]:
+    for name in ("normal", "tangent"):
+        vectors = patch.members.get(name, np.zeros((0, 3)))
+        length = np.linalg.norm(vectors, axis=1)
+        for row in np.flatnonzero(~(np.abs(length - 1) <= SINGLE_ROUNDING)):
+            message = f"has length {length[row]:.12g}; it must be a unit vector"
+            yield error("not-unit", patch.at(name, row), message, vectors[row].tolist())
 
 
 @needs("normal", "tangent")
@@ -113,8 +105,7 @@ def _outlines_do_not_cross(patch: Part, normal: Array, corners: Array) -> Iterat
 @needs("kind", "position", "area", "corners")
 def _areas_fit_corners(patch: Part, kind: str, position: Array, area: Array, corners: Array) -> Iterator[Finding]:
     """Compare each area with that of the triangles of position and sides, which follow a cell that bends."""
-    spokes = corners - position[:, None]
-    spanned = np.linalg.norm(np.cross(spokes, np.roll(spokes, -1, axis=1)), axis=2).sum(1) / 2
+    spanned = fan_areas(position, corners)
     ratio = float(np.min(area / np.where(spanned > 0, spanned, np.inf)))
     if ratio > AREA_UNIT_RATIO:
         message = (
@@ -145,8 +136,7 @@ def _tangents_follow_the_lattice(
     """
     if kind == "imported":
         return
-    row = {taxel: i for i, taxel in enumerate(ids)}
-    pairs = np.array([(i, row[b]) for i, near in enumerate(neighbours) for b in near if b in row], int).reshape(-1, 2)
+    pairs = neighbour_rows(ids, neighbours)
     index_array = np.array(index, int)
     step = index_array[pairs[:, 1]] - index_array[pairs[:, 0]]
     is_next = np.abs(step).sum(axis=1) == 1 if kind == "sheet" else _is_hexagonal_step(step)
@@ -212,11 +202,9 @@ def _neighbours_fit_pitch(
     patch: Part, ids: list[str], neighbours: list[Any], position: Array, pitch: Array
 ) -> Iterator[Finding]:
     """Check that the distance of neighbours is about a pitch; neighbours in other patches are ignored."""
-    row = {taxel: i for i, taxel in enumerate(ids)}
-    pairs = [(i, row[other]) for i, near in enumerate(neighbours) for other in near if other in row]
-    if not pairs:
+    a, b = neighbour_rows(ids, neighbours).T
+    if not len(a):
         return
-    a, b = np.array(pairs).T
     distance = float(np.median(np.linalg.norm(position[a] - position[b], axis=1)))
     low, high = DISTANCE_IN_PITCHES
     if not low * pitch.min() <= distance <= high * pitch.max():
@@ -302,8 +290,7 @@ def _fan(corners: Array) -> Array:
 SHAPE_CHECKS = (_columns_are_parallel, _corners_are_rectangular)
 CHECKS = (
     _ports_are_neighbours,
-    _normals_are_unit,
-    _tangents_are_unit,
+    _vectors_are_unit,
     _tangents_are_perpendicular,
     _tangents_follow_the_lattice,
     _normals_are_outward,

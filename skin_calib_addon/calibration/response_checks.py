@@ -1,13 +1,12 @@
 """Check the responses of a calibration or of a plan."""
 
 import math
-from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray
+from ..common.arrays import Array
 from ..common.findings import Finding, child, error, show
 from .parts import STORED_ROUNDING, Part, pointers_with_findings
 
@@ -21,11 +20,9 @@ BINOMIALS = np.array([[math.comb(i, k) for k in range(16)] for i in range(16)], 
 def responses_are_monotone(document: Any, findings: Iterable[Finding]) -> Iterator[Finding]:
     """Yield the errors of all responses that are valid by the schema."""
     touched = pointers_with_findings(findings)
-    sound = [(pointer, response) for pointer, response in _responses(document) if pointer not in touched]
-    with np.errstate(all="ignore"):
-        rows_to_check = _possibly_wrong([response for _, response in sound])
-    for row in rows_to_check:
-        yield from response_findings(sound[row][1], sound[row][0])
+    for pointer, response in _responses(document):
+        if pointer not in touched:
+            yield from response_findings(response, pointer)
 
 
 def responses_exist(document: Any, patches: Iterable[Part]) -> Iterator[Finding]:
@@ -61,37 +58,6 @@ def _responses(document: Any) -> Iterator[tuple[str, Any]]:
     for index, modality in enumerate(modalities if isinstance(modalities, list) else ()):
         if isinstance(modality, dict) and "response" in modality:
             yield f"/modalities/{index}/response", modality["response"]
-
-
-def _possibly_wrong(responses: list[dict[str, Any]]) -> list[int]:
-    """Return the rows that need a single check; fast checks of equal kinds and sizes find the others valid."""
-    alike = defaultdict(list)
-    for row, response in enumerate(responses):
-        if response["kind"] == "table":
-            alike["table", len(response["readings"]), len(response["forces"])].append(row)
-        elif "range" in response:
-            alike["polynomial", len(response["coefficients"]), 2].append(row)
-    rows_to_check: list[int] = []
-    for (kind, *_), rows in alike.items():
-        is_sound = _surely_monotone_tables if kind == "table" else _surely_monotone_polynomials
-        rows_to_check += np.array(rows)[~is_sound([responses[row] for row in rows])].tolist()
-    return sorted(rows_to_check)
-
-
-def _surely_monotone_tables(tables: list[dict[str, Any]]) -> BoolArray:
-    """Return which tables (of equal length) have increasing readings and monotone forces, shape (n,)."""
-    readings, forces = (np.array([table[name] for table in tables], float) for name in ("readings", "forces"))
-    if readings.shape != forces.shape:
-        return np.zeros(len(tables), bool)
-    rise = (np.diff(readings) > 0).all(axis=1) & np.isfinite(readings[:, -1] - readings[:, 0])
-    return rise & _same_sign(np.diff(forces))
-
-
-def _surely_monotone_polynomials(polynomials: list[dict[str, Any]]) -> BoolArray:
-    """Return which polynomials (of equal degree) are certainly monotone on their range, shape (n,)."""
-    coefficients, ranges = (np.array([p[name] for p in polynomials], float) for name in ("coefficients", "range"))
-    shifted = _shifted(coefficients, *ranges.T)
-    return (ranges[:, 0] < ranges[:, 1]) & np.isfinite(np.abs(shifted).sum(axis=1)) & _same_sign(_slope_bounds(shifted))
 
 
 def _table_findings(table: dict[str, Any], pointer: str) -> Iterator[Finding]:
@@ -134,30 +100,29 @@ def is_monotone(coefficients: Any, low: float, high: float) -> bool:
         shifted = _shifted(np.array(coefficients, float), float(low), float(high))
         if not np.isfinite(np.abs(shifted).sum()):
             return False
-        return bool(_same_sign(_slope_bounds(shifted))) or _is_monotone_by_roots(shifted)
+        return _same_sign(_slope_bounds(shifted)) or _is_monotone_by_roots(shifted)
 
 
-def _shifted(coefficients: Array, low: Any, high: Any) -> Array:
-    """Return coefficients (..., k) in t, where reading = low + (high - low) t and t is in [0, 1]."""
-    low, width = np.expand_dims(low, -1), np.expand_dims(high - low, -1)
+def _shifted(coefficients: Array, low: float, high: float) -> Array:
+    """Return coefficients (k,) in t, where reading = low + (high - low) t and t is in [0, 1]."""
     shifted = np.zeros_like(coefficients)
-    for k in range(coefficients.shape[-1] - 1, -1, -1):  # Horner's scheme
-        rest = shifted[..., :-1] * width
+    for coefficient in coefficients[::-1]:  # Horner's scheme
+        rest = shifted[:-1] * (high - low)
         shifted *= low
-        shifted[..., 1:] += rest
-        shifted[..., 0] += coefficients[..., k]
+        shifted[1:] += rest
+        shifted[0] += coefficient
     return shifted
 
 
 def _slope_bounds(shifted: Array) -> Array:
-    """Return Bernstein coefficients (..., m) of slopes on [0, 1], which bound the slopes."""
-    m = shifted.shape[-1] - 1
-    return np.asarray(shifted[..., 1:] * np.arange(1, m + 1) / BINOMIALS[max(m - 1, 0), :m] @ BINOMIALS[:m, :m].T)
+    """Return the Bernstein coefficients (m,) of the slope on [0, 1], which bound it."""
+    m = len(shifted) - 1
+    return np.asarray(shifted[1:] * np.arange(1, m + 1) / BINOMIALS[max(m - 1, 0), :m] @ BINOMIALS[:m, :m].T)
 
 
-def _same_sign(steps: Array) -> BoolArray:
-    """Return whether steps (..., m) are all nonnegative or all nonpositive, shape (...)."""
-    return (steps >= 0).all(axis=-1) | (steps <= 0).all(axis=-1)
+def _same_sign(steps: Array) -> bool:
+    """Return whether steps (m,) are all nonnegative or all nonpositive."""
+    return bool((steps >= 0).all() or (steps <= 0).all())
 
 
 def _is_monotone_by_roots(shifted: Array) -> bool:

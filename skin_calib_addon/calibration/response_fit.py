@@ -119,7 +119,7 @@ def _best(readings: Array, forces: Array, sign: float) -> AnyResponse:
     """Return the simplest response that is as good as the best one in cross-validation."""
     distinct = len(np.unique(readings))
     degrees = range(1, max(1, min(MAX_DEGREE, (distinct - 1) // 2)) + 1)
-    counts = [k for k in KNOT_COUNTS if k <= distinct]
+    counts = [k for k in KNOT_COUNTS if k <= distinct] or [2]
     if len(readings) == 2:
         return _table(*_knots(readings, forces, sign, [2])[0], sign)
     errors = _squares(readings, forces, degrees, counts, sign)
@@ -130,8 +130,6 @@ def _best(readings: Array, forces: Array, sign: float) -> AnyResponse:
             polynomial = _in_powers(readings, forces, degree)
             if polynomial is not None:
                 return polynomial
-    if not counts:
-        return _table(*_knots(readings, forces, sign, [2])[0], sign)
     best = min((errors[0, k] for k in counts), key=np.mean)
     count = next(k for k in counts if _is_as_good(errors[0, k], best, floor))
     return _table(*_knots(readings, forces, sign, [count])[0], sign)

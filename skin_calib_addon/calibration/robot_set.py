@@ -11,7 +11,7 @@ from typing import Any
 from ..common.atomic_file import write_bytes_safely
 from ..common.errors import CalibrationFormatError
 from ..common.file_hash import file_hash
-from ..common.findings import Finding, child, error, in_short, show, warning
+from ..common.findings import Finding, child, error, in_short, repeated, show, warning
 from ..common.schema_check import check, read_schema
 from ..common.strict_json import parse, read
 from ..common.warnings import Warning
@@ -196,10 +196,8 @@ def _used_twice(robot: RobotSet, calibrations: dict[str, LinkCalibration]) -> It
 
 def same_link(links: Mapping[str, str]) -> str:
     """Return a clause that names two calibrations of one link; empty if each link has one."""
-    files: dict[str, str] = {}
-    for file, link in links.items():
-        if (other := files.setdefault(link, file)) != file:
-            return f"{other} and {file} are of the same link {show(link)}"
+    for file, link, other in repeated(links.items()):
+        return f"{other} and {file} are of the same link {show(link)}"
     return ""
 
 
@@ -232,13 +230,8 @@ def robot_file(path: str | os.PathLike[str]) -> Path:
 
 def _twice(links: list[dict[str, Any]]) -> Iterator[Finding]:
     for member in ("link", "calibration"):
-        seen: set[str] = set()
-        for k, link in enumerate(links):
-            if link[member] in seen:
-                yield error(
-                    "duplicate", child("", "links", k, member), f"({show(link[member])}) is named twice", link[member]
-                )
-            seen.add(link[member])
+        for k, name, _ in repeated((k, link[member]) for k, link in enumerate(links)):
+            yield error("duplicate", child("", "links", k, member), f"({show(name)}) is named twice", name)
 
 
 @cache

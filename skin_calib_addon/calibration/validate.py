@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..common.encoding import checksum
-from ..common.findings import Finding, child, did_you_mean, error, first, show, warning
+from ..common.findings import Finding, child, did_you_mean, error, first, repeated, show, warning
 from ..common.schema_check import check, read_schema
 from ..common.schema_types import has_type
 from . import patch_checks, surface_checks
@@ -108,11 +108,8 @@ def _stored_warnings(document: Any, findings: Findings) -> Iterator[Finding]:
 
 
 def _repeats(parts: list[Part], name: str, code: str) -> Iterator[Finding]:
-    seen: dict[Any, str] = {}
-    for part in parts:
-        for where, value in _entries(part, name):
-            if seen.setdefault(value, where) != where:
-                yield error(code, where, f"repeats {show(value)} of {seen[value]}", value)
+    for where, value, earlier in repeated(entry for part in parts for entry in _entries(part, name)):
+        yield error(code, where, f"repeats {show(value)} of {earlier}", value)
 
 
 def _entries(part: Part, name: str) -> Iterable[tuple[str, Any]]:

@@ -58,6 +58,11 @@ def unit(vectors: Any) -> Array:
     return vectors / np.where(length > 0, length, 1.0)
 
 
+def tangential(vectors: Array, normals: Array) -> Array:
+    """Return unit vectors along the parts of vectors (n, 3) that are perpendicular to unit normals (n, 3)."""
+    return unit(vectors - (vectors * normals).sum(axis=1, keepdims=True) * normals)
+
+
 def norms(vectors: Array) -> Array:
     """Return the lengths (...) of vectors (..., d): ``numpy.linalg.norm`` along the last axis, three times as fast."""
     first, *others = np.moveaxis(vectors, -1, 0)

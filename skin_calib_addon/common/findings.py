@@ -5,8 +5,10 @@ import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
+Where = TypeVar("Where")
+Value = TypeVar("Value")
 MAX_FINDINGS = 1000  # of one check. Larger: a malicious file can use more memory.
 
 
@@ -66,6 +68,16 @@ def first(findings: Iterable[Finding]) -> Iterator[Finding]:
             yield Finding("more", finding.severity, "", message)
             return
         yield finding
+
+
+def repeated(entries: Iterable[tuple[Where, Value]]) -> Iterator[tuple[Where, Value, Where]]:
+    """Yield place, value and first place of each value that an earlier place has, of pairs of place and value."""
+    first_places: dict[Value, Where] = {}
+    for where, value in entries:
+        if value in first_places:
+            yield where, value, first_places[value]
+        else:
+            first_places[value] = where
 
 
 def in_short(findings: Iterable[Finding]) -> str:

@@ -7,11 +7,12 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..calibration.model import MAX_CHANNEL, Patch
+from ..calibration.model import MAX_CHANNEL, Patch, neighbour_rows
 from ..common.arrays import Array, IntArray, cross
 from ..common.errors import UnknownTaxel
 from ..common.findings import did_you_mean
 from ..geometry.sampling.rays import HIT_TOLERANCE
+from ..skin.neighbours import angles, largest_of
 
 # Largest distance between the middles of two sides that are one side, as a fraction of the shorter one. Larger: bridges
 # wider gaps.
@@ -70,14 +71,8 @@ class AllTaxels:
     @cached_property
     def tilt(self) -> Array:
         """Largest angle to a neighbour, shape (n,) [rad], for all kinds of skins; NaN without a neighbour."""
-        ends = [(row, self.rows[other]) for row, others in enumerate(self.neighbours) for other in others]
-        a, b = np.array(ends, np.int64).reshape(-1, 2).T
-        # Half of the angle from half of the difference: exact for nearly equal normals.
-        gap = np.linalg.norm(self.normals[a] - self.normals[b], axis=1)
-        angle = 2 * np.arcsin(np.clip(gap / 2, 0, 1))
-        found = np.full(len(self.ids), -1.0)
-        np.maximum.at(found, a, angle)
-        return np.where(found < 0, np.nan, found)
+        pairs = neighbour_rows(self.ids, self.neighbours)
+        return largest_of(angles(self.normals, pairs), pairs, len(self.ids))
 
     @property
     def stretch(self) -> Array:

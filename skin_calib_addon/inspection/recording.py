@@ -22,6 +22,7 @@ from ..runtime.polygon import Polygon
 # Limit of the numbers of an array of a recording or a replay: half a gigabyte. It protects the memory, because an NPZ
 # file can be a thousand times smaller than its arrays. Larger: accepts longer recordings.
 MAX_NUMBERS = 2**26
+CONTACT = ("number", "ids", "force", "area", "peak_pressure", "position", "normal", "wrench")  # Contract: of a frame
 
 
 def read_recording(path: str | Path) -> Iterator[tuple[float, Array]]:
@@ -142,25 +143,18 @@ def frame_document(frame: Frame) -> dict[str, Any]:
         "flags": sorted(frame.flags),
         "touched": frame.touched,
         "wrench": None if frame.touched is None else frame.wrench.tolist(),
-        "contacts": [
-            {
-                "number": c.number,
-                "ids": list(c.ids),
-                "force": c.force,
-                "area": c.area,
-                "peak_pressure": c.peak_pressure,
-                "position": c.position.tolist(),
-                "normal": c.normal.tolist(),
-                "wrench": c.wrench.tolist(),
-            }
-            for c in frame.contacts
-        ],
+        "contacts": [{name: _plain(getattr(contact, name)) for name in CONTACT} for contact in frame.contacts],
         "cop": None if frame.cop is None else frame.cop.tolist(),
         "zmp": None if frame.zmp is None else frame.zmp.tolist(),
         "reason": frame.reason,
         "polygon": _polygons(frame.polygon),
         **({"modalities": given} if given else {}),
     }
+
+
+def _plain(value: Any) -> Any:
+    """Return a value of a contact as a JSON value."""
+    return value.tolist() if isinstance(value, np.ndarray) else list(value) if isinstance(value, tuple) else value
 
 
 def _polygons(polygon: SupportingPolygon) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from .. import __version__
 from ..calibration.modality import Modality
 from ..calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
 from ..common.errors import PoorFit, SkinCalibError, listed
-from ..common.warnings import Place, Warning, point_of, worst_first
+from ..common.warnings import Warning, worst_first
 from ..geometry.blas_threads import one_blas_thread
 from ..geometry.fit.auto import fit_grid
 from ..geometry.fit.surface_fit import SurfaceFit
@@ -24,7 +24,7 @@ from ..plan.checks import naming_surface
 from ..plan.plan import Surface
 from ..robot.link_mesh import load_plan_mesh
 from ..skin.between import overlap_warnings
-from ..skin.warnings import normal_warnings
+from ..skin.warnings import cells_warning, normal_warnings
 from .place_skins import PlacedSkin, place_all
 from .taxel_sigma import unknown_sigma
 
@@ -220,24 +220,15 @@ def _naming(names: list[str], warning: Warning) -> Warning:
     return replace(warning, message=message, where=replace(warning.where, surface=names[0]))
 
 
-def _over_holes(patch: Patch, fit: SurfaceFit) -> tuple[Warning, ...]:
-    """Return a warning if taxels of a patch are over a hole of the mesh."""
+def _over_holes(patch: Patch, fit: SurfaceFit) -> Iterator[Warning]:
+    """Yield a warning if taxels of a patch are over a hole of the mesh."""
     over = np.flatnonzero(~fit.is_trusted(patch.taxels.uv))
-    if len(over) == 0:
-        return ()
-    taxels = tuple(patch.taxels.ids[i] for i in over)
-    ids = listed(taxels)
-    return (
-        Warning(
-            "over-hole",
-            "warning",
+    if len(over):
+        message = (
             f"{len(over)} of {len(patch.taxels.ids)} taxels of {patch.name} are over a hole of the mesh, "
-            f"where the surface is extrapolated: {ids}.",
-            Place(point_of(patch.taxels.positions_link[over[0]]), skin=patch.name, taxels=taxels),
-            float(len(over)),
-            "Close the hole, or move the skin.",
-        ),
-    )
+            f"where the surface is extrapolated: {listed([patch.taxels.ids[i] for i in over])}."
+        )
+        yield cells_warning("over-hole", patch, over, message, float(len(over)), "Close the hole, or move the skin.")
 
 
 def surface_model(name: str, fit: SurfaceFit) -> SurfaceModel:

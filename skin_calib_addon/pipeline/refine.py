@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from ..common.arrays import Array
 from ..common.errors import InvalidPlan
 from ..geometry.blas_threads import one_blas_thread
 from ..plan import Plan
-from ..plan.skins import BoardSkin, Mounting, SheetSkin, Skin
+from ..plan.skins import BoardSkin, ImportedSkin, Mounting, SheetSkin, Skin
 from ..skin.sheet.landmarks import Landmark
 from ..skin.uncertainty import MAX_DIRECTION_UNCERTAINTY, MIN_ORIGIN_UNCERTAINTY
 from ..validation.placement import Motion, Placement, flat_places, link_point, other_order, placements
@@ -110,27 +109,19 @@ def _largest(placement: Placement) -> float:
     return float(np.linalg.norm(_motion(placement).at(placement.flat), axis=1).max())
 
 
-@singledispatch
-def moved(skin: Skin, patch: Patch, motion: Motion) -> Any:
-    """Return a skin that is moved along the surface."""
-    raise TypeError(f"cannot move a {type(skin).__name__}")
-
-
-@moved.register
-def _(skin: SheetSkin, patch: Patch, motion: Motion) -> SheetSkin:
-    if not skin.landmarks:
-        origin, direction = _root(skin, patch, motion)
-        return replace(skin, origin=origin, direction=direction)
-    marks = tuple(
-        Landmark(mark.cell, _triple(np.array(mark.point) + _step(patch, mark.cell, motion))) for mark in skin.landmarks
-    )
-    return replace(skin, landmarks=marks, direction=_turned(skin.direction, patch, marks[0].cell, motion))
-
-
-@moved.register
-def _(skin: BoardSkin, patch: Patch, motion: Motion) -> BoardSkin:
-    cells = tuple((q, r) for q, r in patch.taxels.index.tolist())
+def moved(skin: Skin, patch: Patch, motion: Motion) -> Skin:
+    """Return a skin that is moved along the surface; boards are listed, so that they stay the same."""
+    assert not isinstance(skin, ImportedSkin)  # which has no motion
+    if isinstance(skin, SheetSkin) and skin.landmarks:
+        marks = tuple(
+            Landmark(mark.cell, _triple(np.array(mark.point) + _step(patch, mark.cell, motion)))
+            for mark in skin.landmarks
+        )
+        return replace(skin, landmarks=marks, direction=_turned(skin.direction, patch, marks[0].cell, motion))
     origin, direction = _root(skin, patch, motion)
+    if isinstance(skin, SheetSkin):
+        return replace(skin, origin=origin, direction=direction)
+    cells = tuple((q, r) for q, r in patch.taxels.index.tolist())
     return replace(skin, choice=cells, origin=origin, direction=direction)
 
 
@@ -154,10 +145,8 @@ def _row_near(patch: Patch, cell: tuple[int, int]) -> int:
 
 def _step(patch: Patch, cell: tuple[int, int], motion: Motion) -> Array:
     """Return the motion of a cell in the link frame (3,) [m]."""
-    along, across = motion.at(flat_places(patch, np.array([cell])))[0]
-    row = _row_near(patch, cell)
-    normal, tangent = patch.taxels.normals_link[row], patch.taxels.tangents_link[row]
-    return along * tangent + across * np.cross(normal, tangent)
+    step: Array = motion.at(flat_places(patch, np.array([cell])))[0] @ patch.taxels.axes_link[_row_near(patch, cell)]
+    return step
 
 
 def _turned(direction: Any, patch: Patch, cell: tuple[int, int], motion: Motion) -> Any:

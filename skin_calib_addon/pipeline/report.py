@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..calibration.model import LinkCalibration, Patch, TaxelArray
+from ..calibration.model import LinkCalibration, Patch, TaxelArray, neighbour_rows
 from ..calibration.response import AnyResponse, ResponseTable
 from ..calibration.robot_set import RobotSet
 from ..common.arrays import Array
@@ -19,8 +19,8 @@ from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.mesh.cover import single_faces
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.mesh.visibility import visibility
-from ..skin.boards.board_taxels import angles
 from ..skin.imported import Distances
+from ..skin.neighbours import angles
 from .calibrate import Calibrated
 from .place_skins import PlacedSkin
 
@@ -32,14 +32,13 @@ BOARD_LENGTHS = ("pitch_error", "gap", "collision", "overhang")
 def summary(result: Calibrated, path: Path) -> str:
     """Return a summary of one fit: sizes, errors, placement, time."""
     seconds = result.seconds
-    taxels = sum(len(p.taxels.ids) for p in result.calibration.patches)
     mesh = result.calibration.mesh
     return "\n".join(
         (
             f"link             {result.calibration.link}",
             f"mesh             {mesh.file}: {mesh.faces} faces; cover {len(result.cover.faces)} faces",
             *(line for name in result.fits for line in _surface_summary(result, name)),
-            f"taxels           {taxels} in {len(result.calibration.patches)} patches",
+            f"taxels           {result.taxels} in {len(result.calibration.patches)} patches",
             *(line for placed in result.placed for line in _patch_summary(placed)),
             "time             " + ", ".join(f"{name} {s * 1e3:.1f} ms" for name, s in seconds.items()),
             f"calibration      {path}",
@@ -120,12 +119,10 @@ def _patch_document(placed: PlacedSkin) -> dict[str, Any]:
         closure = placed.closure
         document["closure"] = {"of": closure.of, "gaps": closure.gaps.tolist(), "steps": closure.steps.tolist()}
     if taxels.ports:
-        row = {taxel: i for i, taxel in enumerate(taxels.ids)}
-        pairs = [
-            (i, row[b]) for i, neighbours in enumerate(taxels.neighbours) for b in neighbours if i < row.get(b, -1)
-        ]
-        tilts = angles(taxels.normals_link, np.array(pairs, int).reshape(-1, 2))
-        document["tilts"] = [[taxels.ids[a], taxels.ids[b], t] for (a, b), t in zip(pairs, tilts.tolist())]
+        pairs = neighbour_rows(taxels.ids, taxels.neighbours)
+        pairs = pairs[pairs[:, 0] < pairs[:, 1]]
+        tilts = angles(taxels.normals_link, pairs).tolist()
+        document["tilts"] = [[taxels.ids[a], taxels.ids[b], t] for (a, b), t in zip(pairs.tolist(), tilts)]
     return document
 
 
@@ -146,7 +143,7 @@ def report_document(result: Calibrated) -> dict[str, Any]:
         **first,
         **several,
         "warnings": to_document(result.warnings),
-        "taxels": sum(len(p.taxels.ids) for p in result.calibration.patches),
+        "taxels": result.taxels,
         "patches": [_patch_document(placed) for placed in result.placed],
         "seconds": result.seconds,
     }

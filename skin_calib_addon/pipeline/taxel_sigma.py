@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import singledispatch
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -12,7 +11,7 @@ from ..common.arrays import Array, BoolArray
 from ..common.errors import InvalidPlan, counted, listed, millimetres
 from ..common.warnings import Place, Warning, point_of
 from ..geometry.fit.surface_fit import SurfaceFit
-from ..plan.skins import BoardSkin, ImportedSkin, Mounting, SheetSkin, Skin
+from ..plan.skins import ImportedSkin, Mounting, SheetSkin, Skin
 from ..skin.sheet.landmarks import MAX_POINT_DISTANCE
 from ..skin.sheet.wrap import WrappedSheet
 from ..skin.single_taxels import chosen_taxels
@@ -25,6 +24,7 @@ from ..skin.uncertainty import (
     taxel_uncertainty,
     usual_curvature,
 )
+from ..skin.warnings import cells_warning
 from ..validation.placement import flat_places, flat_point, link_point
 
 # [1] difference to the normal of the surface from which on a board of the file gives the normal. Larger: boards that
@@ -97,15 +97,13 @@ def _usual_direction(skin: Skin) -> float:
     return ORIGIN_UNCERTAINTY * np.sqrt(2) / float(np.linalg.norm(ends - ends[0], axis=1).max())
 
 
-@singledispatch
 def anchor_of(skin: Skin, patch: Patch, sheet: WrappedSheet | None) -> Array:
     """Return the point of a skin that the plan places, shape (3,) [m]; arguments as in `registration_of`."""
-    raise TypeError(f"the anchor of a {type(skin).__name__} is unknown")
-
-
-@anchor_of.register
-def _(skin: SheetSkin, patch: Patch, sheet: WrappedSheet | None) -> Array:
-    assert sheet is not None
+    if isinstance(skin, ImportedSkin):
+        middle: Array = patch.taxels.positions_link.mean(axis=0)
+        return middle
+    if sheet is None or not isinstance(skin, SheetSkin):
+        return link_point(patch, np.zeros(2))  # the root of the boards
     rows, columns = patch.shape
     cell = np.array((0.0, 0.0) if skin.origin is not None else ((rows - 1) / 2, (columns - 1) / 2))
     if skin.landmarks:
@@ -113,17 +111,6 @@ def _(skin: SheetSkin, patch: Patch, sheet: WrappedSheet | None) -> Array:
     node = sheet.uv[tuple(np.rint(2 * cell + 1).astype(int))][None]
     anchor: Array = (sheet.surface.points(node) + sheet.offset * sheet.surface.normals(node))[0]
     return anchor
-
-
-@anchor_of.register
-def _(skin: BoardSkin, patch: Patch, sheet: WrappedSheet | None) -> Array:
-    return link_point(patch, np.zeros(2))  # the root
-
-
-@anchor_of.register
-def _(skin: ImportedSkin, patch: Patch, sheet: WrappedSheet | None) -> Array:
-    middle: Array = patch.taxels.positions_link.mean(axis=0)
-    return middle
 
 
 def _unknown(patch: Patch, fit: SurfaceFit, may_fold: bool = True) -> Iterator[tuple[str, BoolArray]]:
@@ -144,13 +131,8 @@ def unknown_sigma(patch: Patch, fit: SurfaceFit) -> Iterator[Warning]:
     for reason, unknown in (*reasons, ("it cannot be computed there", ~others)):
         rows = np.flatnonzero(unknown)
         if len(rows):
-            taxels = tuple(patch.taxels.ids[i] for i in rows)
-            yield Warning(
-                "no-uncertainty",
-                "warning",
-                f"The uncertainty of {counted(len(rows), 'taxel')} of {patch.name} is unknown, because {reason}: "
-                f"{listed(taxels)}.",
-                Place(point_of(patch.taxels.positions_link[rows[0]]), skin=patch.name, taxels=taxels),
-                float(len(rows)),
-                "Move the skin, or mend the surface there.",
-            )
+            which = f"{counted(len(rows), 'taxel')} of {patch.name}"
+            names = listed([patch.taxels.ids[i] for i in rows])
+            message = f"The uncertainty of {which} is unknown, because {reason}: {names}."
+            advice = "Move the skin, or mend the surface there."
+            yield cells_warning("no-uncertainty", patch, rows, message, float(len(rows)), advice)

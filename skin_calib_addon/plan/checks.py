@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from ..calibration.parts import pointers_with_findings
-from ..common.arrays import MIN_DIRECTION_LENGTH, Array
+from ..common.arrays import MIN_DIRECTION_LENGTH
 from ..common.errors import InvalidPlan, SkinCalibError, listed
 from ..common.findings import Finding, child, did_you_mean, error
 from ..geometry.grid.grids import Across, Grid, PlanesGrid
-from ..skin.imported import ROTATION_MATRIX_TOLERANCE
+from ..skin.imported import not_a_rotation
 from .plan import Plan
 from .skins import BoardSkin, ImportedSkin, SheetSkin, Skin, first_channels
 
@@ -165,18 +165,6 @@ def frames_are_rotations(document: Any, findings: Iterable[Finding]) -> Iterator
             if problem:
                 pointer = child("", "skins", k, "frame", "rotation")
                 yield error("rotation", pointer, f"is not a rotation: it {problem}", rotation)
-
-
-def not_a_rotation(matrix: Array) -> str:
-    """Return what a matrix (3, 3) does that a rotation does not, as the end of a sentence; empty for a rotation."""
-    u, stretch, v = np.linalg.svd(matrix)
-    if np.linalg.det(matrix) < 0:
-        return "mirrors. Reverse one of its axes"
-    if np.abs(u @ v - matrix).max() <= ROTATION_MATRIX_TOLERANCE:
-        return ""
-    if np.ptp(stretch) <= ROTATION_MATRIX_TOLERANCE * stretch[0]:
-        return f"scales by {stretch.mean():.6g}. Give rows of length one"
-    return f"stretches directions by {stretch[2]:.4g} to {stretch[0]:.4g}. Give orthogonal rows of length one"
 
 
 def check_direction(vector: Any, message: str) -> None:

@@ -1,7 +1,7 @@
 """What one key of the plan file is: the records from which schema, reading, writing, properties and panels follow."""
 
 from collections.abc import Callable, Iterator, Mapping, Sized
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -66,10 +66,9 @@ class Key:
     default: Any = REQUIRED  # as Python value; None where the program finds the value
     otherwise: str = ""  # what the default means, where its value does not say it
     label: str = ""  # in the window; empty: the window does not have it
-    acts: str = ""  # the module in which it acts, from the package
     always: bool = False  # whether it is written where it is the default
     word: str = ""  # which stands for None in the plan file
-    field: str | None = None  # of the frozen record, with dots; None: of the same name; "": none
+    field: str | None = None  # of the frozen record, or of one of its parts; None: of the same name; "": none
     blender: str = ""  # name of its property, where it differs
     first: Any = None  # value in a new plan in the window, where it is not the default
     switch: Switch | None = None  # which stands for the default
@@ -80,8 +79,10 @@ class Key:
 
     @property
     def path(self) -> str:
-        """Return the name of the field in the frozen record, with dots; empty if it has none."""
-        return self.name if self.field is None else self.field
+        """Return the name of the field in the frozen record, with the part before a dot; empty if it has none."""
+        if self.field is None:
+            return "" if self.type.kind == "constant" else self.name
+        return self.field
 
     @property
     def property_name(self) -> str:
@@ -116,7 +117,12 @@ class Record:
     title: str  # in the documentation
     make: Callable[..., Any]
     keys: tuple[Key, ...]
-    parts: Mapping[str, Callable[..., Any]] = field(default_factory=dict)  # which make the fields that are records
+    parts: Mapping[str, Any] = field(default_factory=dict)  # dataclasses of the fields that are records
+
+    def __post_init__(self):
+        part_of = {own.name: part for part, make in self.parts.items() for own in fields(make)}
+        keys = (replace(k, field=f"{part_of[k.path]}.{k.path}") if k.path in part_of else k for k in self.keys)
+        object.__setattr__(self, "keys", tuple(keys))
 
     def made(self, values: Mapping[str, Any]) -> Any:
         """Return the frozen record."""

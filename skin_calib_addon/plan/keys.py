@@ -114,10 +114,7 @@ GRID = Type(
 SKINS = Type(
     "skins",
     "list of skins, by their kind [`sheet`](#sheet), [`hexagons`](#hexagons) or [`imported`](#imported)",
-    {
-        "type": "array",
-        "items": {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in ("sheet", "hexagons", "imported")]},
-    },
+    {"type": "array", "items": {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in ("sheet", "hexagons", "imported")]}},
 )
 RESPONSE = Type(
     "response", "polynomial or table", {"oneOf": [{"$ref": "#/$defs/polynomial"}, {"$ref": "#/$defs/table"}]}
@@ -149,7 +146,7 @@ RESPONSES: dict[str, Any] = {
 
 def kind(value: str) -> Key:
     """Return the key that says of which kind an object is."""
-    return Key("kind", constant(value), "The kind.", field="")
+    return Key("kind", constant(value), "The kind.")
 
 
 # Planes and the cover.
@@ -187,7 +184,6 @@ COVER = Record(
             "Which faces of the mesh belong to the cover.",
             default="outer",
             label="Shell",
-            acts="geometry/mesh/cover.py",
             always=True,
         ),
         Key(
@@ -197,7 +193,6 @@ COVER = Record(
             default=(),
             label="Cuts",
             labels=("Cut",),
-            acts="geometry/mesh/cover.py",
             always=True,
         ),
     ),
@@ -205,33 +200,22 @@ COVER = Record(
 
 # Grids: the keys of sizes and regions, then the grids made of them.
 
-N = Key(
-    "n",
-    count(minimum=1, maximum=1000),
-    "Number of u-planes, which cross the axis.",
-    field="size.n",
-    label="U-Planes",
-    first=10,
-    acts="geometry/grid/grids.py",
-)
+N = Key("n", count(minimum=1, maximum=1000), "Number of u-planes, which cross the axis.", label="U-Planes", first=10)
 M = Key(
     "m",
     count(minimum=1, maximum=1000),
     "Number of full planes through the axis, instead of `lines`: each gives two lines of a tube, one line of a patch.",
     default=None,
     field="",
-    acts="plan/document.py",
 )
 LINES = Key(
     "lines",
     count(minimum=1, maximum=2000),
     "Number of lines of control points: half-planes that start from the axis; across a face, planes along it.",
     default=None,
-    field="size.lines",
     label="V-Lines",
     first=20,
     joined=True,
-    acts="geometry/grid/grids.py",
 )
 SPACING = Key(
     "spacing",
@@ -244,30 +228,22 @@ SPACING = Key(
     "How planes and lines are spaced.",
     default="auto",
     label="Spacing",
-    acts="geometry/grid/spacing.py",
     always=True,
 )
 TOLERANCE = Key(
     "tolerance",
     length(digits=6, exclusiveMinimum=0),
     "Largest distance from surface to mesh; the smallest grid that keeps it is found.",
-    field="size.tolerance",
     label="Tolerance",
     first=2e-5,
-    acts="geometry/fit/auto.py",
 )
 MEASURE = Key(
     "measure",
-    choice(
-        Choice("mean", "Mean", "The mean distance"),
-        Choice("max", "Max", "The largest distance"),
-    ),
+    choice(Choice("mean", "Mean", "The mean distance"), Choice("max", "Max", "The largest distance")),
     "Which distance the tolerance limits.",
     default="mean",
-    field="size.measure",
     label="Measure",
     joined=True,
-    acts="geometry/fit/auto.py",
     always=True,
 )
 LINE = Record(
@@ -287,11 +263,9 @@ AXIS = Key(
     "Axis of the link.",
     default=None,
     otherwise="found from the sections of the mesh, towards the thinner end",
-    field="region.axis",
     label="Axis",
     word="auto",
     switch=Switch("auto_axis", "Automatic Axis"),
-    acts="geometry/grid/axis.py",
     always=True,
 )
 FACE_AXIS = replace(
@@ -306,11 +280,9 @@ MARGIN = Key(
     "Length left free at both ends.",
     default=None,
     otherwise="a tube uses its longest run of complete sections, a face leaves a hundredth of its longer side free",
-    field="region.margin",
     label="Margin",
     first=0.002,
     switch=Switch("auto_margin", "Automatic Margin"),
-    acts="geometry/grid/axis.py",
 )
 BOUNDARY = Key(
     "boundary",
@@ -327,40 +299,28 @@ BOUNDARY = Key(
     "replace the margin.",
     default=(),
     otherwise="the whole region",
-    field="region.boundary",
     label="Boundary",
-    acts="geometry/grid/boundary.py",
 )
 FROM = Key(
     "from",
     ANGLE,
     "First angle about the axis, from the side of the link's x axis; of its y axis where the tube runs along x.",
-    field="region.start",
+    field="start",
     blender="start",
     label="From",
     first=-1.5,
-    acts="geometry/grid/grids.py",
 )
 TO = Key(
     "to",
     ANGLE,
     "Last angle about the axis, larger than the first.",
-    field="region.stop",
+    field="stop",
     blender="stop",
     label="To",
     first=1.5,
     joined=True,
-    acts="geometry/grid/grids.py",
 )
-NORMAL = Key(
-    "normal",
-    DIRECTION,
-    "Outward normal of the face, out of the robot.",
-    field="region.normal",
-    label="Outward",
-    first=(0, 0, -1),
-    acts="geometry/grid/grids.py",
-)
+NORMAL = Key("normal", DIRECTION, "Outward normal of the face, out of the robot.", label="Outward", first=(0, 0, -1))
 
 TUBE = Record(
     "tube",
@@ -416,7 +376,6 @@ PLANES = Record(
             "Planes across the link, in their order along it.",
             label="U-Planes",
             labels=("U-Plane",),
-            acts="geometry/grid/grids.py",
         ),
         Key(
             "v",
@@ -424,7 +383,6 @@ PLANES = Record(
             "Planes along the link, in their order round or across it.",
             label="V-Planes",
             labels=("V-Plane",),
-            acts="geometry/grid/grids.py",
         ),
         Key(
             "closed",
@@ -432,7 +390,6 @@ PLANES = Record(
             "Whether the v-planes go all round the link; each then cuts a section twice and gives two lines.",
             label="Closed",
             first=True,
-            acts="geometry/grid/grids.py",
         ),
     ),
 )
@@ -470,7 +427,6 @@ SURFACE_OF_SKIN = Key(
     otherwise="the first surface of the plan",
     label="Surface",
     empty="",
-    acts="pipeline/place_skins.py",
 )
 ORIGIN = Key(
     "origin",
@@ -481,7 +437,6 @@ ORIGIN = Key(
     label="Origin",
     word="center",
     switch=Switch("centred", "Centred"),
-    acts="skin/sheet/wrap.py",
     always=True,
 )
 ROW_DIRECTION = Key(
@@ -491,7 +446,6 @@ ROW_DIRECTION = Key(
     label="Direction",
     first=(0, 1, 0),
     switch=Switch("auto_direction", "Automatic Direction", "Rows of boards run along the lines of the surface"),
-    acts="skin/sheet/wrap.py",
 )
 OFFSET = Key(
     "offset",
@@ -499,7 +453,6 @@ OFFSET = Key(
     "Height of the skin's neutral layer above the surface: the layer that keeps its lengths.",
     default=0.0,
     label="Offset",
-    acts="skin/sheet/offset.py",
 )
 FIRST_CHANNEL = Key(
     "first_channel",
@@ -509,7 +462,6 @@ FIRST_CHANNEL = Key(
     otherwise="the channels follow those of the skin before",
     label="First Channel",
     switch=Switch("auto_channel", "Channels Follow", ticked=False),
-    acts="plan/skins.py",
 )
 MOUNTING = Record(
     "registration",
@@ -554,7 +506,6 @@ REGISTRATION = Key(
     otherwise="1 mm and 1 degree; with two landmarks the rotation follows from 1 mm at each",
     label="Registration",
     switch=Switch("auto_registration", "Standard Mount"),
-    acts="pipeline/taxel_sigma.py",
 )
 
 SINGLE_TAXEL = Record(
@@ -588,7 +539,6 @@ SINGLE_TAXELS = Key(
     default=(),
     label="Single Taxels",
     labels=("Taxel",),
-    acts="skin/single_taxels.py",
 )
 
 LANDMARK = Record(
@@ -613,34 +563,22 @@ SHEET = Record(
         PATCH_NAME,
         kind("sheet"),
         SURFACE_OF_SKIN,
-        Key(
-            "rows",
-            count(minimum=1, maximum=1000),
-            "Number of rows of cells.",
-            field="lattice.rows",
-            label="Rows",
-            first=6,
-            acts="skin/lattice.py",
-        ),
+        Key("rows", count(minimum=1, maximum=1000), "Number of rows of cells.", label="Rows", first=6),
         Key(
             "columns",
             count(minimum=1, maximum=1000),
             "Number of cells in a row.",
-            field="lattice.columns",
             label="Columns",
             first=20,
             joined=True,
-            acts="skin/lattice.py",
         ),
         Key(
             "pitch",
             pair("length", "two lengths", {"type": "number", "minimum": 0.00001, "maximum": 1}, "m"),
             "Distance from row to row, and from column to column.",
-            field="lattice.pitch",
             label="Pitch",
             first=(0.01, 0.01),
             labels=("Row Pitch", "Column Pitch"),
-            acts="skin/lattice.py",
         ),
         Key(
             "landmarks",
@@ -650,7 +588,6 @@ SHEET = Record(
             default=(),
             label="Landmarks",
             labels=("Landmark",),
-            acts="skin/sheet/landmarks.py",
         ),
         ORIGIN,
         ROW_DIRECTION,
@@ -662,9 +599,7 @@ SHEET = Record(
             ),
             "On which side of a row the next one lies.",
             default="right",
-            field="lattice.hand",
             label="Hand",
-            acts="skin/lattice.py",
         ),
         Key(
             "trim",
@@ -674,7 +609,6 @@ SHEET = Record(
             "those off the surface are an error. The other cells keep their ids and channels.",
             default=False,
             label="Trim",
-            acts="skin/sheet/wrap.py",
         ),
         Key(
             "overlap",
@@ -683,7 +617,6 @@ SHEET = Record(
             "tenth of a cell is an error.",
             default=False,
             label="Overlap",
-            acts="pipeline/place_skins.py",
         ),
         OFFSET,
         REGISTRATION,
@@ -721,9 +654,7 @@ BOARDS = Record(
             length(minimum=0.0001, maximum=1),
             "Length of the sides of a board.",
             default=SIDE,
-            field="lattice.side",
             label="Side",
-            acts="skin/lattice.py",
             always=True,
         ),
         Key(
@@ -732,10 +663,8 @@ BOARDS = Record(
             "Gap between the sides of two boards that face each other; negative where boards are trimmed.",
             default=GAP,
             otherwise="boards trimmed as those of the TUM skin; with a side of 16.3 mm their pitch is 27.75 mm",
-            field="lattice.gap",
             label="Gap",
             switch=Switch("auto_gap", "Standard Gap"),
-            acts="skin/lattice.py",
             always=True,
         ),
         Key(
@@ -748,13 +677,10 @@ BOARDS = Record(
             blender="choice",
             label="Boards",
             labels=("Cells",),
-            acts="skin/boards/layout.py",
             always=True,
         ),
         replace(
-            ORIGIN,
-            description="Where the root board (0, 0) lies; boards that fill the surface start near this point.",
-            acts="skin/boards/layout.py",
+            ORIGIN, description="Where the root board (0, 0) lies; boards that fill the surface start near this point."
         ),
         replace(
             ROW_DIRECTION,
@@ -762,7 +688,6 @@ BOARDS = Record(
             "degrees.",
             default=None,
             otherwise="along the lines of the surface, in v",
-            acts="skin/boards/layout.py",
         ),
         Key(
             "excluded",
@@ -771,7 +696,6 @@ BOARDS = Record(
             default=(),
             label="Excluded",
             labels=("Excluded Zone",),
-            acts="skin/boards/region.py",
         ),
         OFFSET,
         REGISTRATION,
@@ -809,13 +733,7 @@ IMPORTED = Record(
         PATCH_NAME,
         kind("imported"),
         SURFACE_OF_SKIN,
-        Key(
-            "file",
-            FILE,
-            "The file that has the taxels, relative to the folder of the plan.",
-            label="File",
-            acts="calibration/exchange/reading.py",
-        ),
+        Key("file", FILE, "The file that has the taxels, relative to the folder of the plan.", label="File"),
         Key(
             "format",
             choice(*(Choice(name, name, FORMATS[name].what) for name in READABLE)),
@@ -824,7 +742,6 @@ IMPORTED = Record(
             otherwise="found from the content",
             label="Format",
             empty="auto",
-            acts="calibration/exchange/reading.py",
         ),
         Key(
             "only",
@@ -834,7 +751,6 @@ IMPORTED = Record(
             otherwise="all",
             label="Only",
             empty="",
-            acts="calibration/exchange/link_taxels.py",
         ),
         Key(
             "frame",
@@ -850,7 +766,6 @@ IMPORTED = Record(
                 means_default=False,
                 ticked=False,
             ),
-            acts="skin/imported.py",
         ),
         Key(
             "snap",
@@ -858,7 +773,6 @@ IMPORTED = Record(
             "Whether taxels are moved to the surface; otherwise they stay, and their distance from it is reported.",
             default=False,
             label="Snap",
-            acts="skin/imported.py",
         ),
         REGISTRATION,
         FIRST_CHANNEL,
@@ -909,10 +823,9 @@ COVER_KEY = Key(
     default=CoverSpec(),
     label="Cover",
     panel="Cut",
-    acts="geometry/mesh/cover.py",
     always=True,
 )
-GRID_KEY = Key("grid", GRID, "Where planes and lines are.", label="Grid", panel="Grid", acts="geometry/grid/grids.py")
+GRID_KEY = Key("grid", GRID, "Where planes and lines are.", label="Grid", panel="Grid")
 DEGREE = Key(
     "degree",
     pair("count", "two whole numbers", {"type": "integer", "minimum": 2, "maximum": 5}),
@@ -921,7 +834,6 @@ DEGREE = Key(
     label="Degree",
     labels=("Degree U", "V"),
     panel="Grid",
-    acts="geometry/fit/fitting.py",
     always=True,
 )
 CHORDS = Key(
@@ -932,7 +844,6 @@ CHORDS = Key(
     default=False,
     label="Facets are Chords",
     panel="Grid",
-    acts="geometry/fit/chords.py",
 )
 MAX_DEVIATION_KEY = Key(
     "max_deviation",
@@ -945,7 +856,6 @@ MAX_DEVIATION_KEY = Key(
     label="Max. Deviation",
     switch=Switch("auto_max_deviation", "Standard Limit", "10 mm, whatever the unit of the scene"),
     panel="Grid",
-    acts="geometry/fit/diagnosis.py",
 )
 SURFACE = Record(
     "surface",
@@ -971,17 +881,12 @@ SURFACE = Record(
 # The plan.
 
 
-def of_surface(key: Key) -> Key:
-    """Return a key of a surface as a key of a plan of version 1, which has one surface."""
-    return replace(key, field=f"surface.{key.path}")
-
-
 def with_one_surface(surface: Surface, **others: Any) -> Plan:
     """Return a plan with one surface."""
     return Plan(surfaces=(surface,), **others)
 
 
-FORMAT_KEY = Key("format", constant(FORMAT), "The format.", field="")
+FORMAT_KEY = Key("format", constant(FORMAT), "The format.")
 LINK = Key("link", NAME, "Name of the robot link, as in its URDF.", label="Link", panel="Link")
 MESH_KEY = Key(
     "mesh",
@@ -990,15 +895,13 @@ MESH_KEY = Key(
     blender="mesh_file",
     label="Mesh File",
     panel="Link",
-    acts="geometry/mesh/triangle_mesh.py",
 )
 UNIT = Key(
     "unit",
     choice(Choice("m", "Metres", "Metres"), Choice("mm", "Millimetres", "Millimetres")),
     "Unit of the numbers in the mesh file.",
-    acts="geometry/mesh/triangle_mesh.py",
 )
-SKINS_KEY = Key("skins", SKINS, "The skins on the link.", label="Skins", panel="Skin", acts="pipeline/place_skins.py")
+SKINS_KEY = Key("skins", SKINS, "The skins on the link.", label="Skins", panel="Skin")
 RESPONSE_KEY = Key(
     "response",
     RESPONSE,
@@ -1006,14 +909,12 @@ RESPONSE_KEY = Key(
     default=Response(),
     otherwise="readings are newtons",
     label="Response",
-    acts="calibration/response.py",
 )
 MODALITIES = Key(
     "modalities",
     many(MODALITY, maxItems=256),
     "Further quantities that taxels measure, such as proximity and temperature. Each has readings of its own.",
     default=(),
-    acts="calibration/modality.py",
 )
 PLAN = Record(
     "plan",
@@ -1021,16 +922,16 @@ PLAN = Record(
     with_one_surface,
     (
         FORMAT_KEY,
-        Key("version", constant(1), "The version of the format.", field=""),
+        Key("version", constant(1), "The version of the format."),
         LINK,
         MESH_KEY,
         UNIT,
-        of_surface(COVER_KEY),
-        of_surface(GRID_KEY),
-        of_surface(DEGREE),
+        COVER_KEY,
+        GRID_KEY,
+        DEGREE,
         SKINS_KEY,
-        of_surface(CHORDS),
-        of_surface(MAX_DEVIATION_KEY),
+        CHORDS,
+        MAX_DEVIATION_KEY,
         RESPONSE_KEY,
         MODALITIES,
     ),
@@ -1042,16 +943,11 @@ PLAN_OF_SURFACES = Record(
     Plan,
     (
         FORMAT_KEY,
-        Key("version", constant(2), "The version of the format.", field=""),
+        Key("version", constant(2), "The version of the format."),
         LINK,
         MESH_KEY,
         UNIT,
-        Key(
-            "surfaces",
-            many(SURFACE, minItems=1, maxItems=100),
-            "The surfaces that are fitted to parts of the mesh.",
-            acts="pipeline/calibrate.py",
-        ),
+        Key("surfaces", many(SURFACE, minItems=1, maxItems=100), "The surfaces that are fitted to parts of the mesh."),
         SKINS_KEY,
         RESPONSE_KEY,
         MODALITIES,

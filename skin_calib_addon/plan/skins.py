@@ -32,22 +32,28 @@ class Mounting(NamedTuple):
     anchor: Point | None = None  # near the skin [m]; None: what places the skin
 
 
+@dataclass(frozen=True, kw_only=True)
+class OnSurface:
+    """What a plan can say of a skin of any kind."""
+
+    surface: str | None = None  # name of the surface it is on; None: the first of the plan
+    first_channel: int | None = None  # None: after the skin before; channels of a file count from there
+    registration: Mounting | None = None  # None: with the usual uncertainty, or that of two landmarks
+    taxels: tuple[SingleTaxel, ...] = ()  # those that differ from the others
+
+
 @dataclass(frozen=True)
-class SheetSkin:
+class SheetSkin(OnSurface):
     """A sheet of ``rows`` x ``columns`` cells and where it lies on the link."""
 
     name: str
     lattice: SheetLattice
     origin: Point | None  # centre of cell (0, 0) [m]; None: centred on the surface, or placed by landmarks
     direction: Point  # of the row of the origin
-    first_channel: int | None = None  # None: after the skin before
     offset: float = 0.0  # height of its neutral layer above the surface [m]
     landmarks: tuple[Landmark, ...] = ()
     trim: bool = False  # whether cells that lie off the surface are left out
     overlap: bool = False  # whether it may overlap itself where it closes around the link
-    registration: Mounting | None = None  # None: with the usual uncertainty, or that of two landmarks
-    surface: str | None = None  # name of the surface it is on; None: the first of the plan
-    taxels: tuple[SingleTaxel, ...] = ()  # those that differ from the others
 
     @property
     def count(self) -> int:
@@ -56,7 +62,7 @@ class SheetSkin:
 
 
 @dataclass(frozen=True)
-class BoardSkin:
+class BoardSkin(OnSurface):
     """Hexagonal boards and where they lie on the link."""
 
     name: str
@@ -64,12 +70,8 @@ class BoardSkin:
     choice: Choice
     origin: Point | None = None  # centre of the root cell [m]; None: the middle of the surface
     direction: Point | None = None  # of its row; None: along the surface's v
-    first_channel: int | None = None  # None: after the skin before
     offset: float = 0.0  # height of their middle planes above the surface [m]
     excluded: tuple[Zone, ...] = ()
-    registration: Mounting | None = None  # None: with the usual uncertainty
-    surface: str | None = None  # name of the surface; None: the first of the plan
-    taxels: tuple[SingleTaxel, ...] = ()  # those that differ from the others
 
     @property
     def count(self) -> int | None:
@@ -85,7 +87,7 @@ class Frame(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ImportedSkin:
+class ImportedSkin(OnSurface):
     """Taxels of a file that another program wrote."""
 
     name: str
@@ -94,10 +96,6 @@ class ImportedSkin:
     frame: Frame | None = None  # None: the file is in the link frame
     snap: bool = False  # whether taxels are moved to the surface
     only: str | None = None  # pattern of the labels that are used; None: all
-    first_channel: int | None = None  # None: after the skin before; channels of the file count from there
-    registration: Mounting | None = None  # None: with the usual uncertainty
-    surface: str | None = None  # name of the surface; None: the first of the plan
-    taxels: tuple[SingleTaxel, ...] = ()  # those that differ from the others
     count = None  # how many channels it has is known once the file is read
 
 

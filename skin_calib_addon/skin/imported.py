@@ -3,15 +3,14 @@
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from ..calibration.exchange.taxel_set import SAME_POSITION, TaxelSet
-from ..calibration.model import MIN_TAXEL_DISTANCE, TaxelArray
-from ..common.arrays import Array, BoolArray, IntArray, unit
+from ..calibration.model import MIN_TAXEL_DISTANCE, TaxelArray, fan_areas
+from ..common.arrays import Array, BoolArray, IntArray, tangential, unit
 from ..common.errors import InvalidPlan, listed
 from ..common.findings import Finding, error, warning
 from ..common.surface_errors import DistanceStatistics
@@ -22,7 +21,6 @@ from ..geometry.surface.bspline import BSplineSurface
 from ..geometry.surface.footpoints import footpoints
 from .board_planes import board_planes
 from .sheet.constraints import MIN_DIRECTION_SINE
-from .sheet.taxels import fan_areas
 
 # Smallest cosine of the angle between a board of a file and the surface that it belongs to. Larger: more boards have
 # the normals of the surface.
@@ -73,9 +71,6 @@ def imported_taxels(
     *,
     frame: Frame | None = None,
     snap: bool = False,
-    tangent: Literal["u", "v"] = "u",
-    farthest: float = MAX_SKIN_THICKNESS,
-    pitch: float | None = None,
 ) -> ImportedTaxels:
     """Return the taxels of a file with footpoints, outward normals and frames of a surface.
 
@@ -91,8 +86,8 @@ def imported_taxels(
     gap = ((given - feet) * upright).sum(axis=1)
     normals = upright if snap else board_normals(taxel_set, upright)
     positions = feet if snap else given
-    tangents = _tangents(taxel_set, surface, uv, normals, tangent)
-    pitch = median_pitch(positions, name) if pitch is None else pitch
+    tangents = _tangents(taxel_set, surface, uv, normals)
+    pitch = median_pitch(positions, name)
     pairs = near_pairs(positions, normals, 2 * MAX_CELL_RADIUS * pitch, name)
     corners = outlines(positions, normals, tangents, pairs, MAX_CELL_RADIUS * pitch)
     adjacent = gabriel(positions, normals, pairs) if taxel_set.neighbours is None else _at_ports(taxel_set)
@@ -114,7 +109,9 @@ def imported_taxels(
     lateral = np.linalg.norm(given - feet - gap[:, None] * upright, axis=1)
     found = (
         *_frame_findings(name, fit, frame),
-        *_named("far", ids, distance > farthest, f"farther than {farthest * 1e3:g} mm from the surface"),
+        *_named(
+            "far", ids, distance > MAX_SKIN_THICKNESS, f"farther than {MAX_SKIN_THICKNESS * 1e3:g} mm from the surface"
+        ),
         *_named("beyond-edge", ids, at_edge & (lateral > SAME_POSITION), "beyond an open edge of the surface"),
         *_flipped(name, taxel_set, normals),
         *_merged(ids, given, positions, pitch),
@@ -143,13 +140,22 @@ def placed(taxel_set: TaxelSet, rotation: ArrayLike, translation: ArrayLike) -> 
 
 def _proper(rotation: ArrayLike) -> Array:
     matrix = np.asarray(rotation, float)
+    if problem := not_a_rotation(matrix):
+        raise InvalidPlan(f"the matrix {np.round(matrix, 4).tolist()} is not a rotation: it {problem}")
     u, _, v = np.linalg.svd(matrix)
-    if np.linalg.det(matrix) < 0 or np.abs(u @ v - matrix).max() > ROTATION_MATRIX_TOLERANCE:
-        raise InvalidPlan(
-            f"the matrix {np.round(matrix, 4).tolist()} is not a rotation; its rows must be orthogonal unit vectors, "
-            "right-handed"
-        )
     return u @ v
+
+
+def not_a_rotation(matrix: Array) -> str:
+    """Return what a matrix (3, 3) does that a rotation does not, as the end of a sentence; empty for a rotation."""
+    u, stretch, v = np.linalg.svd(matrix)
+    if np.linalg.det(matrix) < 0:
+        return "mirrors. Reverse one of its axes"
+    if np.abs(u @ v - matrix).max() <= ROTATION_MATRIX_TOLERANCE:
+        return ""
+    if np.ptp(stretch) <= ROTATION_MATRIX_TOLERANCE * stretch[0]:
+        return f"scales by {stretch.mean():.6g}. Give rows of length one"
+    return f"stretches directions by {stretch[2]:.4g} to {stretch[0]:.4g}. Give orthogonal rows of length one"
 
 
 def frame_on(taxel_set: TaxelSet, mesh: TriangleMesh, name: str, frame: Frame | None = None) -> Frame:
@@ -174,7 +180,9 @@ def median_pitch(positions: Array, name: str) -> float:
     """Return the median distance from a taxel to the nearest one at another position [m]."""
     points = positions[np.unique(np.round(positions / SAME_POSITION), axis=0, return_index=True)[1]]
     if len(points) < 2:
-        raise InvalidPlan(f"the taxels of {name} have one position, so that their cells have no size; give a pitch")
+        raise InvalidPlan(
+            f"the taxels of {name} have one position, so that their cells have no size. Import at least two"
+        )
     return float(np.median(np.asarray(cKDTree(points).query(points, k=2)[0])[:, 1]))
 
 
@@ -219,7 +227,7 @@ def near_pairs(positions: Array, normals: Array, far: float, name: str) -> IntAr
     if tree.count_neighbors(tree, far) > MAX_MEAN_NEIGHBOURS * len(positions):
         raise InvalidPlan(
             f"the taxels of {name} are too close together for a pitch of {far / 2 / MAX_CELL_RADIUS * 1e3:.3g} mm. "
-            "Give a smaller pitch"
+            "Remove those at the same position"
         )
     pairs = tree.query_pairs(far, output_type="ndarray").astype(np.int64)
     return pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) > 0]
@@ -242,15 +250,13 @@ def _symmetric(ids: tuple[str, ...], pairs: IntArray) -> tuple[tuple[str, ...], 
     return tuple(tuple(ids[j] for j in sorted(row)) for row in adjacent)
 
 
-def _tangents(taxel_set: TaxelSet, surface: BSplineSurface, uv: Array, normals: Array, along: str) -> Array:
-    """Return unit tangents perpendicular to the normals: those of the file, or else along the surface."""
-    r = surface.derivatives(uv)
-    wanted = r[1, 0] if along == "u" else r[0, 1]
+def _tangents(taxel_set: TaxelSet, surface: BSplineSurface, uv: Array, normals: Array) -> Array:
+    """Return unit tangents perpendicular to the normals: those of the file, or else along u."""
+    wanted = surface.derivatives(uv)[1, 0]
     if taxel_set.tangents is not None:
         upright = np.linalg.norm(np.cross(taxel_set.tangents, normals), axis=1) < MIN_DIRECTION_SINE
         wanted = np.where(upright[:, None], wanted, taxel_set.tangents)
-    wanted = unit(wanted)
-    return unit(wanted - (wanted * normals).sum(axis=1, keepdims=True) * normals)
+    return tangential(unit(wanted), normals)
 
 
 def _distances(distance: Array, points: Array, mesh: TriangleMesh | None) -> Distances:

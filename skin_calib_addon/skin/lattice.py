@@ -129,6 +129,12 @@ class HexLattice:
         q, r = np.asarray(cells).reshape(-1, 2).T
         return np.column_stack((self.pitch * (q + r / 2), self.row_step * r))
 
+    def linked(self, cells: IntArray) -> IntArray:
+        """Return the rows (k, 2) of the cells (n, 2) that are neighbours in the lattice, each pair once."""
+        number = {cell: i for i, cell in enumerate(map(tuple, cells.tolist()))}
+        pairs = [(i, number.get((q + a, r + b), -1)) for (q, r), i in number.items() for a, b in PORTS[:3]]
+        return np.array([pair for pair in pairs if pair[1] >= 0], np.int64).reshape(-1, 2)
+
     def cell_at(self, point: Array) -> tuple[int, int]:
         """Return the axial coordinates of the cell whose centre is nearest to a flat point (2,) [m]."""
         r = point[1] / self.row_step

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..calibration.model import Patch
-from ..common.arrays import Array, unit
+from ..common.arrays import Array, IntArray, unit
 from .lattice import ROUNDING
 
 Neighbours = tuple[tuple[str, ...], ...]
@@ -48,6 +48,22 @@ def neighbours(ids: tuple[str, ...], positions: Array, normals: Array, *outlines
         found[i].add(j)
         found[j].add(i)
     return tuple(tuple(ids[j] for j in sorted(row)) for row in found)
+
+
+def angles(normals: Array, pairs: IntArray) -> Array:
+    r"""Return the angles between the normals of pairs of cells, exact also for small angles.
+
+    .. math:: \alpha = 2 \arcsin(|n_a - n_b| / 2) \quad [rad]
+    """
+    a, b = normals[pairs[:, 0]], normals[pairs[:, 1]]
+    return 2 * np.arcsin(np.clip(np.linalg.norm(a - b, axis=1) / 2, 0, 1))
+
+
+def largest_of(values: Array, pairs: IntArray, count: int) -> Array:
+    """Return the largest value of the pairs that begin at each cell, NaN without a pair, shape (count,)."""
+    result = np.full(count, np.nan)
+    np.fmax.at(result, pairs[:, 0], values)
+    return result
 
 
 def with_neighbours_across(patches: tuple[Patch, ...]) -> tuple[Patch, ...]:

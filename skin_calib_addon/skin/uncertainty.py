@@ -109,16 +109,11 @@ def moved_rigidly(taxels: TaxelArray, registration: Registration) -> tuple[Array
     arms = taxels.positions_link - registration.anchor
     covariance = (registration.origin**2 + registration.direction**2 * (arms**2).sum(axis=1))[:, None, None] * np.eye(3)
     covariance -= registration.direction**2 * arms[:, :, None] * arms[:, None, :]
-    turned = _axes(taxels) @ covariance
-    along = turned @ _axes(taxels).transpose(0, 2, 1)
+    axes = taxels.axes_link
+    along = axes @ covariance @ axes.transpose(0, 2, 1)
     normals = taxels.normals_link
     height = np.einsum("ni,nij,nj->n", normals, covariance, normals)
     return along, height, registration.direction**2
-
-
-def _axes(taxels: TaxelArray) -> Array:
-    """Return the unit vectors along the row and across it, shape (n, 2, 3)."""
-    return np.stack((taxels.tangents_link, cross(taxels.normals_link, taxels.tangents_link)), axis=1)
 
 
 def taxel_uncertainty(
@@ -139,7 +134,7 @@ def taxel_uncertainty(
 
     :math:`T` is the covariance of the slope of the fit.
     """
-    surface, uv, axes = field.surface, taxels.uv, _axes(taxels)
+    surface, uv, axes = field.surface, taxels.uv, taxels.axes_link
     r = surface.derivatives(uv)
     by_u, by_v = r[1, 0], r[0, 1]
     here = unit(cross(by_u, by_v))

@@ -37,23 +37,31 @@ BOARD_LIMITS = (
 )
 
 
+def cells_warning(code: str, patch: Patch, which: IntArray, message: str, value: float, advice: str) -> Warning:
+    """Return a warning about the taxels of some rows of a patch; the window shows the first of them."""
+    taxels = tuple(patch.taxels.ids[i] for i in which)
+    place = Place(point_of(patch.taxels.positions_link[which[0]]), skin=patch.name, taxels=taxels)
+    return Warning(code, "warning", message, place, value, advice)
+
+
+def _above(values: Array, limit: float) -> IntArray:
+    """Return the rows of the values above a limit, the largest first."""
+    order = np.argsort(-values, kind="stable")
+    return order[values[order] > limit]
+
+
 def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator[Warning]:
     """Yield a warning for each kind of defect: strain, overlap, or boards that do not fit the surface."""
-    quality = patch.taxels.quality
+    quality, ids = patch.taxels.quality, patch.taxels.ids
     if "strain" in quality:
         strain = np.abs(quality["strain"][:, :2]).max(axis=1)
-        which = np.flatnonzero(strain > STRAIN_LIMIT)
-        if len(which):
-            place, worst = _place(patch, which, strain)
-            yield Warning(
-                "strain",
-                "warning",
+        if len(which := _above(strain, STRAIN_LIMIT)):
+            worst = float(strain[which[0]])
+            message = (
                 f"{len(which)} of {len(strain)} cells of {patch.name} are strained by more than {STRAIN_LIMIT:.0%}, "
-                f"the most {place.taxels[0]} by {worst:.1%}. The sheet will wrinkle or lift there.",
-                place,
-                worst,
-                "Move the sheet, or use a smaller one.",
+                f"the most {ids[which[0]]} by {worst:.1%}. The sheet will wrinkle or lift there."
             )
+            yield cells_warning("strain", patch, which, message, worst, "Move the sheet, or use a smaller one.")
     if closure is not None and closure.overlap > OVERLAP_LIMIT:
         yield Warning(
             "overlap",
@@ -67,18 +75,13 @@ def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator
         return
     for key, code, limit, statement, advice in BOARD_LIMITS:
         values = np.abs(quality.get(key, np.zeros(0)))
-        which = np.flatnonzero(values > limit)
-        if len(which):
-            place, worst = _place(patch, which, values)
-            yield Warning(
-                code,
-                "warning",
+        if len(which := _above(values, limit)):
+            worst = float(values[which[0]])
+            message = (
                 f"{len(which)} of {len(values)} boards of {patch.name} {statement.format(limit=limit * 1e3)}, the most "
-                f"{place.taxels[0]} by {worst * 1e3:.1f} mm.",
-                place,
-                worst,
-                advice,
+                f"{ids[which[0]]} by {worst * 1e3:.1f} mm."
             )
+            yield cells_warning(code, patch, which, message, worst, advice)
 
 
 def normal_warnings(patch: Patch, mesh: TriangleMesh) -> Iterator[Warning]:
@@ -96,18 +99,14 @@ def normal_warnings(patch: Patch, mesh: TriangleMesh) -> Iterator[Warning]:
     below = below * np.where((below * normals).sum(axis=1) < 0, -1.0, 1.0)[:, None]  # winding is not trusted
     sums = np.column_stack([np.bincount(cell, x, len(halfway)) for x in below.T])
     angles = np.arccos(np.clip((unit(sums) * taxels.normals_link).sum(axis=1), -1.0, 1.0))
-    which = np.flatnonzero(angles > MAX_ANGLE)
-    if len(which):
-        place, worst = _place(patch, which, angles)
-        yield Warning(
-            "oblique",
-            "warning",
+    if len(which := _above(angles, MAX_ANGLE)):
+        worst = float(angles[which[0]])
+        message = (
             f"{len(which)} of {len(angles)} normals of {patch.name} are more than {np.rad2deg(MAX_ANGLE):.0f} degrees "
-            f"from the faces below, the most that of {place.taxels[0]} by {np.rad2deg(worst):.1f} degrees.",
-            place,
-            worst,
-            "Move the skin away from the step or ridge there, or use more lines.",
+            f"from the faces below, the most that of {taxels.ids[which[0]]} by {np.rad2deg(worst):.1f} degrees."
         )
+        advice = "Move the skin away from the step or ridge there, or use more lines."
+        yield cells_warning("oblique", patch, which, message, worst, advice)
 
 
 def overlap_words(closure: Closure) -> str:
@@ -137,11 +136,3 @@ def check_overlap(patch: Patch, closure: Closure | None) -> None:
 def _closing(closure: Closure, patch: Patch) -> Place:
     """Return where a sheet overlaps itself most."""
     return Place(point_of(closure.place), closure.worst_line, patch.name)
-
-
-def _place(patch: Patch, which: IntArray, values: Array) -> tuple[Place, float]:
-    """Return the place of the chosen taxels, ordered from the largest value down, and the largest value."""
-    order = which[np.argsort(-values[which], kind="stable")]
-    taxels = tuple(patch.taxels.ids[i] for i in order)
-    point = point_of(patch.taxels.positions_link[order[0]])
-    return Place(point, skin=patch.name, taxels=taxels), float(values[order[0]])

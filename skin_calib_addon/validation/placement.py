@@ -7,6 +7,7 @@ therefore no error, but a mean over many touches is.
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -191,14 +192,12 @@ def placements(calibration: LinkCalibration, touches: Touches) -> list[Placement
 
 def _placement(patch: Patch, lines: IntArray, rows: IntArray, points: Array, directions: Array) -> Placement:
     """Compare touches (m, 3) of a patch with their taxels; a line of action is intersected with the tangent plane."""
-    centres, normals, tangents = (
-        part[rows] for part in (patch.taxels.positions_link, patch.taxels.normals_link, patch.taxels.tangents_link)
-    )
+    centres, normals = patch.taxels.positions_link[rows], patch.taxels.normals_link[rows]
     is_line, slope = directions.any(axis=1), (directions * normals).sum(axis=1)
     known = ~is_line | (np.abs(slope) >= MIN_INCIDENCE_SINE)
     height = ((points - centres) * normals).sum(axis=1)
     places = points - (height / np.where(is_line & known, slope, np.inf))[:, None] * directions
-    axes = np.stack((tangents, np.cross(normals, tangents), normals), axis=1)
+    axes = np.concatenate((patch.taxels.axes_link[rows], normals[:, None]), axis=1)
     offsets = (axes @ (places - centres)[:, :, None])[:, :, 0]
     offsets[is_line, 2] = np.nan
     return Placement(patch, lines[known], rows[known], places[known], offsets[known], lines[~known])
@@ -249,7 +248,7 @@ def link_point(patch: Patch, flat: Array) -> Array:
     """Return the point of a flat position (2,), in the tangent plane of the nearest taxel, shape (3,) [m]."""
     arms = flat - flat_places(patch, patch.taxels.index)
     row = int((arms**2).sum(axis=1).argmin())
-    point: Array = patch.taxels.positions_link[row] + arms[row] @ _axes(patch, row)
+    point: Array = patch.taxels.positions_link[row] + arms[row] @ patch.taxels.axes_link[row]
     return point
 
 
@@ -257,14 +256,8 @@ def flat_point(patch: Patch, point: Array) -> Array:
     """Return the flat position (2,) [m] of a point, in the tangent plane of the nearest taxel."""
     arms = point - patch.taxels.positions_link
     row = int((arms**2).sum(axis=1).argmin())
-    flat: Array = flat_places(patch, patch.taxels.index[row][None])[0] + _axes(patch, row) @ arms[row]
+    flat: Array = flat_places(patch, patch.taxels.index[row][None])[0] + patch.taxels.axes_link[row] @ arms[row]
     return flat
-
-
-def _axes(patch: Patch, row: int) -> Array:
-    """Return the unit vectors along the row of a taxel and across, shape (2, 3)."""
-    tangent = patch.taxels.tangents_link[row]
-    return np.stack((tangent, np.cross(patch.taxels.normals_link[row], tangent)))
 
 
 def _hand(patch: Patch) -> float:
@@ -275,9 +268,8 @@ def _hand(patch: Patch) -> float:
     if not pairs:
         return 1.0
     here, there = np.array(pairs).T
-    left = np.cross(taxels.normals_link[here], taxels.tangents_link[here])
     rows_apart = taxels.positions_link[there] - taxels.positions_link[here]
-    return 1.0 if (left * rows_apart).sum() > 0 else -1.0
+    return 1.0 if (taxels.axes_link[here, 1] * rows_apart).sum() > 0 else -1.0
 
 
 def other_order(placement: Placement) -> str | None:
@@ -293,19 +285,18 @@ def other_order(placement: Placement) -> str | None:
     places, touched = placement.places[known], placement.rows[known]
     i, j = taxels.index[touched].T
     number = i * columns + j
-    by_rows, by_columns = (i, j), (number % rows, number // rows)
     best, description = ORDER_GAIN * _mean(taxels.positions_link[touched] - places), None
     row_at = np.empty((rows, columns), np.int64)
     row_at[tuple(taxels.index.T)] = np.arange(len(taxels.ids))
-    for name, (a, b) in (("", by_rows), ("column by column", by_columns)):
-        for flip_rows in (False, True):
-            for flip_columns in (False, True):
-                other = row_at[rows - 1 - a if flip_rows else a, columns - 1 - b if flip_columns else b]
-                mean = _mean(taxels.positions_link[other] - places)
-                if mean < best and mean < max(patch.pitch):
-                    flips = [n for n, is_so in (("rows", flip_rows), ("columns", flip_columns)) if is_so]
-                    ends = f"{' and '.join(flips)} counted from the other end" if flips else ""
-                    best, description = mean, ", ".join(part for part in (name, ends) if part)
+    for by_columns, flip_rows, flip_columns in product((False, True), repeat=3):
+        a, b = (number % rows, number // rows) if by_columns else (i, j)
+        other = row_at[rows - 1 - a if flip_rows else a, columns - 1 - b if flip_columns else b]
+        mean = _mean(taxels.positions_link[other] - places)
+        if mean < best and mean < max(patch.pitch):
+            flips = [name for name, is_so in (("rows", flip_rows), ("columns", flip_columns)) if is_so]
+            order = ["column by column"] * by_columns
+            ends = [f"{' and '.join(flips)} counted from the other end"] * bool(flips)
+            best, description = mean, ", ".join(order + ends)
     return description
 
 

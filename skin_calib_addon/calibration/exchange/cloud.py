@@ -1,6 +1,7 @@
 """Common parts of PLY and PCD: points with named columns, as text or binary data."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,7 +25,32 @@ class CloudError(ValueError):
         self.finding = error(code, location, message)
 
 
-def parse_comments(draft: Draft, comments: Iterable[str]) -> dict[int, str]:
+@dataclass
+class Points:
+    """What the header of a cloud says about its points, and where they begin."""
+
+    count: int
+    names: list[str]  # of the columns, in lower case
+    types: list[str] | None  # of NumPy, of binary data; None for text
+    data: bytes  # after the header
+    line: int  # of the first point of a text
+    comments: list[str] = field(default_factory=list)
+    only_points: bool = True  # whether nothing follows them
+
+
+def read_points(draft: Draft, points: Points) -> None:
+    """Copy the points of a cloud into the draft."""
+    if points.types is None:
+        rows = _rows_of(lines_of(points.data), points.line, points.count, points.only_points)
+        draft.lines = [number for number, _ in rows]
+        columns = _parse_text(points.names, rows)
+    else:
+        draft.lines, draft.at = list(range(points.count)), _point
+        columns = _parse_bytes(points.names, points.types, points.data, points.count)
+    _fill_draft(draft, columns, _parse_comments(draft, points.comments))
+
+
+def _parse_comments(draft: Draft, comments: Iterable[str]) -> dict[int, str]:
     """Return the label of each channel in the comments, and set the link of the draft."""
     labels = {}
     for comment in comments:
@@ -37,7 +63,7 @@ def parse_comments(draft: Draft, comments: Iterable[str]) -> dict[int, str]:
     return labels
 
 
-def parse_text(names: Sequence[str], rows: Sequence[tuple[int, str]]) -> dict[str, list[float]]:
+def _parse_text(names: Sequence[str], rows: Sequence[tuple[int, str]]) -> dict[str, list[float]]:
     """Parse points that are written as text."""
     positions = {name: names.index(name) for name in _used_names(names)}
     columns: dict[str, list[float]] = {name: [] for name in positions}
@@ -54,7 +80,7 @@ def parse_text(names: Sequence[str], rows: Sequence[tuple[int, str]]) -> dict[st
     return columns
 
 
-def parse_bytes(names: Sequence[str], types: Sequence[str], data: bytes, count: int) -> dict[str, list[float]]:
+def _parse_bytes(names: Sequence[str], types: Sequence[str], data: bytes, count: int) -> dict[str, list[float]]:
     """Parse points that are written as binary data."""
     kind = np.dtype([(f"{i}", type_) for i, type_ in enumerate(types)])
     if len(data) < kind.itemsize * count:
@@ -67,12 +93,12 @@ def parse_bytes(names: Sequence[str], types: Sequence[str], data: bytes, count: 
         invalid = np.flatnonzero(~np.isfinite(column))
         if len(invalid):
             raise CloudError(
-                "not-finite", point(int(invalid[0])), "has a coordinate that is not finite; remove the point"
+                "not-finite", _point(int(invalid[0])), "has a coordinate that is not finite; remove the point"
             )
     return {name: column.tolist() for name, column in columns.items()}
 
 
-def point(index: int) -> str:
+def _point(index: int) -> str:
     """Return the location of a binary point for a finding; the first is point 0."""
     return f"point {index}"
 
@@ -95,7 +121,7 @@ def _used_names(names: Sequence[str]) -> list[str]:
     return used
 
 
-def fill_draft(draft: Draft, columns: dict[str, list[float]], labels: dict[int, str]) -> None:
+def _fill_draft(draft: Draft, columns: dict[str, list[float]], labels: dict[int, str]) -> None:
     """Copy the columns into the draft."""
     values = list(columns.values())
     count = len(values[0])
@@ -130,7 +156,7 @@ def cloud_of(calibration: LinkCalibration) -> tuple[list[str], list[str], tuple[
     return comments, rows, names
 
 
-def rows_of(text: str, first: int, count: int, only_points: bool) -> list[tuple[int, str]]:
+def _rows_of(text: str, first: int, count: int, only_points: bool) -> list[tuple[int, str]]:
     """Return the first lines that are not empty, with their line numbers."""
     rows = [(number, content) for number, content in enumerate(text.split("\n"), first) if content.strip()]
     if len(rows) < count:

@@ -92,8 +92,7 @@ def taxels_of(calibration: LinkCalibration) -> LinkTaxels:
 def _extents(taxels: TaxelArray) -> Array:
     """Return the extents of the corners of each cell along and across its tangent, shape (n, 2) [m]."""
     arms = taxels.corners_link - taxels.positions_link[:, None]
-    sides = np.stack((taxels.tangents_link, np.cross(taxels.normals_link, taxels.tangents_link)), axis=1)
-    return np.ptp(np.einsum("nkc,nsc->nks", arms, sides), axis=1)
+    return np.ptp(np.einsum("nkc,nsc->nks", arms, taxels.axes_link), axis=1)
 
 
 def _pixels(indices: Sequence[IntArray]) -> IntArray:

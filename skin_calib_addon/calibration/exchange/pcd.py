@@ -4,18 +4,7 @@ from dataclasses import dataclass, field
 
 from ...common.findings import show, warning
 from ..model import LinkCalibration
-from .cloud import (
-    CloudError,
-    cloud_of,
-    count_of,
-    fill_draft,
-    lines_of,
-    parse_bytes,
-    parse_comments,
-    parse_text,
-    point,
-    rows_of,
-)
+from .cloud import CloudError, Points, cloud_of, count_of, lines_of, read_points
 from .taxel_set import Draft, line
 
 FIRST_LINES = (b"# .PCD", b"VERSION", b"FIELDS")  # possible first lines of a file
@@ -47,17 +36,11 @@ def read_pcd(data: bytes) -> Draft:
         header, stop = _header(data)
         names, types = _columns(header)
         count, form = count_of(header.entry("POINTS")[0], header.numbers["POINTS"]), header.entry("DATA")[0]
-        if form == "ascii":
-            rows = rows_of(lines_of(data[stop:]), header.lines + 1, count, only_points=True)
-            draft.lines = [number for number, _ in rows]
-            columns = parse_text(names, rows)
-        elif form == "binary":
-            draft.lines, draft.at = list(range(count)), point
-            columns = parse_bytes(names, types, data[stop:], count)
-        else:
+        if form not in ("ascii", "binary"):
             message = f"contains {show(form)} data; save it as ascii or binary (pcl_convert_pcd_ascii_binary)"
             raise CloudError("syntax", line(header.numbers["DATA"]), message)
-        fill_draft(draft, columns, parse_comments(draft, header.comments))
+        kinds = types if form == "binary" else None
+        read_points(draft, Points(count, names, kinds, data[stop:], header.lines + 1, header.comments))
         if _numbers(header.words.get("VIEWPOINT", [])) not in ([], IDENTITY_VIEWPOINT):
             message = "has a viewpoint, which is not applied: positions are used unchanged"
             draft.findings.append(warning("unused-transform", line(header.numbers["VIEWPOINT"]), message))

@@ -5,18 +5,7 @@ from dataclasses import dataclass, field
 from ...common.findings import show, warning
 from ...common.text import shown
 from ..model import LinkCalibration
-from .cloud import (
-    CloudError,
-    cloud_of,
-    count_of,
-    fill_draft,
-    lines_of,
-    parse_bytes,
-    parse_comments,
-    parse_text,
-    point,
-    rows_of,
-)
+from .cloud import CloudError, Points, cloud_of, count_of, lines_of, read_points
 from .taxel_set import Draft, line
 
 MAGIC = b"ply"
@@ -58,15 +47,9 @@ def read_ply(data: bytes) -> Draft:
         header = _header(head)
         if header.order is None or header.count is None or not header.names:
             raise CloudError("syntax", "", "has a header without format or vertices; export the file again")
-        if header.order:
-            types = [header.order + kind for kind in header.types]
-            draft.lines, draft.at = list(range(header.count)), point
-            columns = parse_bytes(header.names, types, data[stop:], header.count)
-        else:
-            rows = rows_of(lines_of(data[stop:]), len(head), header.count, header.only_points)
-            draft.lines = [number for number, _ in rows]
-            columns = parse_text(header.names, rows)
-        fill_draft(draft, columns, parse_comments(draft, header.comments))
+        types = [header.order + kind for kind in header.types] if header.order else None
+        points = Points(header.count, header.names, types, data[stop:], len(head), header.comments, header.only_points)
+        read_points(draft, points)
         if header.faces is not None:
             message = f"announces {shown(header.faces[1])} faces: if this is a mesh, its vertices are read as taxels"
             draft.findings.append(warning("faces", line(header.faces[0]), message))

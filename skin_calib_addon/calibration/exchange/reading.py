@@ -20,10 +20,8 @@ from .urdf import ROOT, read_urdf
 READERS: dict[str, Callable[[str], Draft]] = {
     "icub": read_icub,
     "tum": read_tum,
-    "csv": read_table,
-    "gentact": read_table,
-    "urdf": read_urdf,
-    "urdf-tactile": read_urdf,
+    **dict.fromkeys(("csv", "gentact"), read_table),
+    **dict.fromkeys(("urdf", "urdf-tactile"), read_urdf),
 }
 CLOUDS: dict[str, Callable[[bytes], Draft]] = {"ply": read_ply, "pcd": read_pcd}
 READABLE = (*READERS, *CLOUDS)

@@ -2,11 +2,13 @@
 
 import csv
 import io
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from ...common.arrays import Array, IntArray
 from ...common.findings import Finding, did_you_mean, error, first, show, warning
 from ...common.tables import TableError, read_rows
 from ...common.text import MAX_TAXELS, NumberError, real, whole
@@ -153,41 +155,27 @@ def write_table(calibration: LinkCalibration) -> bytes:
     taxels = taxels_of(calibration)
     refuse_labels(taxels.ids, "the id")
     refuse_labels((taxels.link,), "the link name")
-    channel = dict(zip(taxels.ids, taxels.channels.tolist()))
-    vectors = np.column_stack((taxels.positions, taxels.normals, taxels.tangents)).tolist()
-    neighbours = (" ".join(str(channel[i]) for i in others if i in channel) for others in taxels.neighbours)
-    names = SIGMA if np.isfinite(taxels.sigma).any() else ()
-    sigma = [["" if value != value else value for value in row] if names else [] for row in taxels.sigma.tolist()]
-    columns = (taxels.patches, taxels.areas.tolist(), neighbours)
-    rows = (
-        (number, name, *numbers, taxels.link, *rest, *uncertain)
-        for number, name, numbers, uncertain, *rest in zip(
-            taxels.channels.tolist(), taxels.ids, vectors, sigma, *columns
-        )
-    )
-    return _csv_bytes(("channel", "id", *VECTORS, "link", "patch", "area", "neighbours", *names), rows)
+    columns = {
+        **_shared_columns(taxels.channels, taxels.ids, (taxels.positions, taxels.normals, taxels.tangents)),
+        "link": [taxels.link] * len(taxels.ids),
+        "patch": taxels.patches,
+        "area": taxels.areas.tolist(),
+        "neighbours": _channels_of(taxels.neighbours, taxels.ids, taxels.channels),
+    }
+    if np.isfinite(taxels.sigma).any():
+        uncertain = [["" if value != value else value for value in column] for column in taxels.sigma.T.tolist()]
+        columns |= dict(zip(SIGMA, uncertain))
+    return _csv_bytes(columns)
 
 
 def write_taxel_set(taxels: TaxelSet) -> bytes:
     """Write the taxels of a file in the same columns; unknown columns are left out."""
-    given = [vectors for vectors in (taxels.positions, taxels.normals, taxels.tangents) if vectors is not None]
-    names = [
-        axis
-        for i, vectors in enumerate((taxels.positions, taxels.normals, taxels.tangents))
-        if vectors is not None
-        for axis in VECTORS[3 * i : 3 * i + 3]
-    ]
-    header = ["channel", "id", *names]
-    columns: list[Iterable[object]] = []
+    columns = _shared_columns(taxels.channels, taxels.labels, (taxels.positions, taxels.normals, taxels.tangents))
     if taxels.frame is not None:
-        header.append("link")
-        columns.append([taxels.frame] * len(taxels.labels))
+        columns["link"] = [taxels.frame] * len(taxels.labels)
     if taxels.neighbours is not None:
-        header.append("neighbours")
-        channel = dict(zip(taxels.labels, taxels.channels.tolist()))
-        columns.append(" ".join(str(channel[i]) for i in row if i in channel) for row in taxels.neighbours)
-    rows = zip(taxels.channels.tolist(), taxels.labels, np.column_stack(given).tolist(), *columns)
-    return _csv_bytes(header, ((number, name, *numbers, *rest) for number, name, numbers, *rest in rows))
+        columns["neighbours"] = _channels_of(taxels.neighbours, taxels.labels, taxels.channels)
+    return _csv_bytes(columns)
 
 
 def write_gentact(calibration: LinkCalibration) -> bytes:
@@ -197,17 +185,29 @@ def write_gentact(calibration: LinkCalibration) -> bytes:
     """
     taxels = taxels_of(calibration)
     refuse_labels((taxels.link,), "the link name")
-    vectors = np.column_stack((taxels.positions, taxels.normals, np.sqrt(taxels.areas / np.pi))).tolist()
-    rows = (
-        (number, *numbers, taxels.link, patch)
-        for number, numbers, patch in zip(taxels.channels.tolist(), vectors, taxels.patches)
-    )
-    return _csv_bytes(GENTACT, rows)
+    numbers = np.column_stack((taxels.positions, taxels.normals, np.sqrt(taxels.areas / np.pi))).T.tolist()
+    values = (taxels.channels.tolist(), *numbers, [taxels.link] * len(taxels.ids), taxels.patches)
+    return _csv_bytes(dict(zip(GENTACT, values)))
 
 
-def _csv_bytes(header: Iterable[str], rows: Iterable[Iterable[object]]) -> bytes:
+def _shared_columns(channels: IntArray, labels: Sequence[str], vectors: Sequence[Array | None]) -> dict[str, Any]:
+    """Return the columns that each taxel has: channel, id, and those of its position, normal and tangent it has."""
+    columns: dict[str, Any] = {"channel": channels.tolist(), "id": labels}
+    for i, part in enumerate(vectors):
+        if part is not None:
+            columns |= dict(zip(VECTORS[3 * i : 3 * i + 3], part.T.tolist()))
+    return columns
+
+
+def _channels_of(neighbours: Iterable[Iterable[str]], labels: Sequence[str], channels: IntArray) -> list[str]:
+    """Return the channels of the neighbours of each taxel, separated by spaces."""
+    channel = dict(zip(labels, channels.tolist()))
+    return [" ".join(str(channel[i]) for i in row if i in channel) for row in neighbours]
+
+
+def _csv_bytes(columns: dict[str, Any]) -> bytes:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values()))
     return text.getvalue().encode()

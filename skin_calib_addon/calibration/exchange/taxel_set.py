@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...common.arrays import Array, BoolArray, IntArray, freeze, unit
-from ...common.findings import Finding, error, first, show, warning
+from ...common.findings import Finding, error, first, repeated, show, warning
 from ..model import MAX_CHANNEL
 
 # Distance of a taxel from the frame of its link [m]. Larger: positions in millimetres pass.
@@ -188,13 +188,9 @@ def _unusable_names(draft: Draft) -> Iterator[Finding]:
 
 
 def _repeats(values: Sequence[str | int], locations: list[str], name: str) -> Iterator[Finding]:
-    seen: dict[str | int, str] = {}
-    for value, location in zip(values, locations):
-        if value in seen:
-            message = f"repeats the {name} {show(value)} of {seen[value]}; each taxel needs its own"
-            yield error(f"duplicate-{name}", location, message, value)
-        else:
-            seen[value] = location
+    for location, value, earlier in repeated(zip(locations, values)):
+        message = f"repeats the {name} {show(value)} of {earlier}; each taxel needs its own"
+        yield error(f"duplicate-{name}", location, message, value)
 
 
 def _distant_positions(locations: Locations, positions: Array) -> Iterator[Finding]:

@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, IntArray, unit
+from ...common.arrays import Array, BoolArray, IntArray, tangential, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from .basis import TensorBasis
 from .lines import LineGrid
@@ -228,7 +228,7 @@ def flat_ends(sections: Sections, planes: Planes, axes: Array) -> Array:
 
 def frames_of(normals: Array, first: Array) -> Array:
     """Return two unit vectors (k, 2, 3) perpendicular to each normal (k, 3)."""
-    firsts = unit(first - (first * normals).sum(axis=1, keepdims=True) * normals)
+    firsts = tangential(first, normals)
     return np.stack((firsts, np.cross(normals, firsts)), axis=1)
 
 

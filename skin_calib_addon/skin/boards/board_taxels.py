@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...calibration.model import Patch, TaxelArray
-from ...common.arrays import Array, IntArray, cross, unit
+from ...calibration.model import Patch, TaxelArray, neighbour_rows
+from ...common.arrays import Array, IntArray, tangential
 from ..lattice import HexLattice
-from ..neighbours import neighbours
-from ..sheet.net import board_net
+from ..neighbours import angles, largest_of, neighbours
 from .layout import WrappedBoards
 
 
@@ -35,16 +34,14 @@ def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overh
     surface, lattice = boards.surface, boards.lattice
     normals = surface.normals(boards.uv)
     positions = surface.points(boards.uv) + boards.offset * normals
-    tangents = boards.tangents - (boards.tangents * normals).sum(axis=1, keepdims=True) * normals
-    tangents = unit(tangents)
+    tangents = tangential(boards.tangents, normals)
     axes = np.stack((tangents, np.cross(normals, tangents)), axis=1)
     corners = positions[:, None] + lattice.corners @ axes
     sides = (corners + np.roll(corners, -1, axis=1)) / 2
     ids = tuple(f"{name}.{q}.{r}" for q, r in boards.cells.tolist())
     adjacent = neighbours(ids, positions, normals, corners)
-    number = {taxel: i for i, taxel in enumerate(ids)}
-    pairs = np.array([(i, number[other]) for i, others in enumerate(adjacent) for other in others], int).reshape(-1, 2)
-    linked = board_net(lattice, boards.cells).pairs
+    pairs = neighbour_rows(ids, adjacent)
+    linked = lattice.linked(boards.cells)
     linked = np.concatenate((linked, linked[:, ::-1]))
     return TaxelArray(
         ids=ids,
@@ -60,8 +57,8 @@ def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overh
         ports=_ports(ids, positions, sides, pairs),
         quality={
             "gap": boards.gaps(),
-            "tilt": _largest_per_board(angles(normals, pairs), pairs, len(ids)),
-            "pitch_error": _largest_per_board(np.abs(_distances(positions, linked) - lattice.pitch), linked, len(ids)),
+            "tilt": _largest_of(angles(normals, pairs), pairs, len(ids)),
+            "pitch_error": _largest_of(np.abs(_distances(positions, linked) - lattice.pitch), linked, len(ids)),
             "collision": _collisions(boards),
         }
         | ({} if overhang is None else {"overhang": overhang}),
@@ -81,14 +78,11 @@ def with_tilts(patches: tuple[Patch, ...]) -> tuple[Patch, ...]:
     """Return the same patches; the tilts of boards are those to their neighbours, of all patches."""
     if not any("tilt" in patch.taxels.quality for patch in patches):
         return patches
-    row = {taxel: i for i, taxel in enumerate(taxel for patch in patches for taxel in patch.taxels.ids)}
-    adjacent = (others for patch in patches for others in patch.taxels.neighbours)
-    pairs = np.array([(i, row[other]) for i, others in enumerate(adjacent) for other in others], int).reshape(-1, 2)
+    ids = [taxel for patch in patches for taxel in patch.taxels.ids]
+    pairs = neighbour_rows(ids, (others for patch in patches for others in patch.taxels.neighbours))
     normals = np.concatenate([patch.taxels.normals_link for patch in patches])
-    tilts = np.split(
-        _largest_per_board(angles(normals, pairs), pairs, len(normals)),
-        np.cumsum([len(patch.taxels.ids) for patch in patches])[:-1],
-    )
+    ends = np.cumsum([len(patch.taxels.ids) for patch in patches])
+    tilts = np.split(_largest_of(angles(normals, pairs), pairs, len(ids)), ends[:-1])
     return tuple(
         replace(patch, taxels=replace(patch.taxels, quality=patch.taxels.quality | {"tilt": tilt}))
         if "tilt" in patch.taxels.quality
@@ -97,24 +91,13 @@ def with_tilts(patches: tuple[Patch, ...]) -> tuple[Patch, ...]:
     )
 
 
+def _largest_of(values: Array, pairs: IntArray, count: int) -> Array:
+    """Return the largest value of the pairs that begin at each board, zero without a pair, shape (count,)."""
+    return np.nan_to_num(largest_of(values, pairs, count))
+
+
 def _distances(positions: Array, pairs: IntArray) -> Array:
     return np.linalg.norm(np.diff(positions[pairs], axis=1)[:, 0], axis=1)
-
-
-def angles(normals: Array, pairs: IntArray) -> Array:
-    r"""Return the angles between the normals of pairs of boards, exact also for small angles.
-
-    .. math:: \alpha = 2 \arcsin(|n_a - n_b| / 2) \quad [rad]
-    """
-    a, b = normals[pairs[:, 0]], normals[pairs[:, 1]]
-    return 2 * np.arcsin(np.clip(np.linalg.norm(a - b, axis=1) / 2, 0, 1))
-
-
-def _largest_per_board(values: Array, pairs: IntArray, count: int) -> Array:
-    """Return the largest value of the pairs that begin at each board, zero without a pair, shape (count,)."""
-    result = np.zeros(count)
-    np.maximum.at(result, pairs[:, 0], values)
-    return result
 
 
 def _collisions(boards: WrappedBoards) -> Array:
@@ -133,6 +116,5 @@ def board_at(taxels: TaxelArray, lattice: HexLattice, point: Array) -> tuple[int
     """
     arms = point - taxels.positions_link
     i = int(np.argmin((arms**2).sum(axis=1)))
-    tangent, normal = taxels.tangents_link[i], taxels.normals_link[i]
-    q, r = lattice.cell_at(np.array((arms[i] @ tangent, arms[i] @ cross(normal, tangent))))
+    q, r = lattice.cell_at(taxels.axes_link[i] @ arms[i])
     return int(taxels.index[i, 0]) + q, int(taxels.index[i, 1]) + r

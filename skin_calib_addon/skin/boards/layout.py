@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...common.arrays import Array, BoolArray, IntArray, unit
+from ...common.arrays import Array, BoolArray, IntArray, tangential
 from ...common.errors import InvalidPlan, OutsideSurface, millimetres
 from ...common.warnings import Place, point_of
 from ...geometry.fit.surface_fit import SurfaceFit
@@ -282,9 +282,7 @@ class Layout:
     def placed(self, pose: Poses, cells: IntArray) -> tuple[WrappedBoards, Array]:
         """Return boards at a pose, and the distances of their flat positions from the map (n,) [m]."""
         uv, missed = self.to_flat.inverse(self.search.centres(pose, cells)[0])
-        tangents = self.to_flat.directions(uv, float(pose.angles[0]))
-        normals = self.surface.normals(uv)
-        tangents = unit(tangents - (tangents * normals).sum(axis=1, keepdims=True) * normals)
+        tangents = tangential(self.to_flat.directions(uv, float(pose.angles[0])), self.surface.normals(uv))
         return WrappedBoards(self.surface, self.offset, self.lattice, cells, uv, tangents), missed
 
     def complete(self, pose: Poses) -> WrappedBoards:
@@ -354,9 +352,7 @@ class Layout:
             away = np.linalg.norm(self.surface.points(uv) - starts, axis=1)
             back = np.where(away > limit, limit / np.maximum(away, limit), 1.0)[:, None]
             uv = boards.uv + back * (uv - boards.uv)
-        normals = self.surface.normals(uv)
-        along = boards.tangents - (boards.tangents * normals).sum(axis=1, keepdims=True) * normals
-        return replace(boards, uv=uv, tangents=unit(along))
+        return replace(boards, uv=uv, tangents=tangential(boards.tangents, self.surface.normals(uv)))
 
     def listed(self, cells: IntArray, pose: Poses, complete: WrappedBoards) -> tuple[WrappedBoards, Array]:
         """Return the boards of an author, and their overhangs [m]; where all boards moved apart, these did, too."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...common.arrays import Array, IntArray, cross, unit
+from ...common.arrays import Array, IntArray, cross, tangential, unit
 from ...common.errors import InvalidPlan
 from ...geometry.surface.bspline import BSplineSurface
 from .geodesic import trace
@@ -104,5 +104,5 @@ def flat_axes(surface: BSplineSurface, net: Net, uv: Array) -> tuple[Array, Arra
     chords = points[net.pairs[:, 1]] - points[net.pairs[:, 0]]
     x, y = (part @ chords for part in net.incident_vectors)
     x_axis = x - cross(normals, y)  # each chord, rotated back by the angle of its flat vector
-    x_axis = unit(x_axis - (x_axis * normals).sum(axis=1, keepdims=True) * normals)
+    x_axis = tangential(x_axis, normals)
     return x_axis, cross(normals, x_axis)

@@ -36,11 +36,11 @@ class NetEquations:
         row, column = np.repeat(unknowns, 4, axis=1), np.tile(unknowns, (1, 4))
         self.lower = row >= column
         self.unknowns = unknowns
-        self.width = int((row - column).max(initial=0)) + 1
+        self.width = int((row - column).max()) + 1
         self.entry = ((row - column) * self.size + column)[self.lower]
         # Springs at two nodes: the pinned one and the farthest one. They prevent sliding and rotation.
         far = int(np.argmax((net.flat**2).sum(axis=1)))
-        self.fixed = (2 * net.order[[net.pin, far], None] + np.arange(2)).ravel()[: 2 if far == net.pin else 4]
+        self.fixed = (2 * net.order[[net.pin, far], None] + np.arange(2)).ravel()
 
     def step(
         self,

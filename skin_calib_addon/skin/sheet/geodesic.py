@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, cross, unit
+from ...common.arrays import Array, BoolArray, cross, tangential, unit
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.footpoints import footpoints
 from ..lattice import ROUNDING
@@ -100,7 +100,7 @@ def _step_straight(
     state[lost, 0] = found + np.where(surface.closed, np.rint(uv - found), 0.0)
     r = surface.derivatives(state[:, 0], order=2)
     normals = unit(cross(r[1, 0, lost], r[0, 1, lost]))
-    tangents[lost] = unit(ahead - (ahead * normals).sum(axis=1, keepdims=True) * normals)
+    tangents[lost] = tangential(ahead, normals)
     state[:, 1] = _in_basis(r[1, 0], r[0, 1], tangents)
     return state, r, tangents
 

@@ -1,4 +1,4 @@
-"""Nets: the nodes of a flat lattice, and the pairs of nodes that keep their distance on a surface."""
+"""Nets: the nodes of a flat sheet, and the pairs of nodes that keep their distance on a surface."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -7,7 +7,6 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from ...common.arrays import Array, IntArray
-from ..lattice import PORTS, HexLattice
 
 Lines = tuple[int, ...]  # positions of the rows or columns of nodes, in steps, in increasing order
 
@@ -19,7 +18,6 @@ class Net:
     flat: Array  # (n, 2) positions relative to the pinned node [m]
     pairs: IntArray  # (e, 2)
     load_fractions: Array  # (n,) fraction of the constraint forces on each node; the sum is one
-    straight: bool = False  # distances through space (boards) instead of along the surface (a sheet)
 
     @cached_property
     def pair_vectors(self) -> Array:
@@ -89,16 +87,3 @@ def _widths(positions: IntArray) -> Array:
     """Return half of the distance from the position before to the one after each; an end has one neighbour."""
     halves: Array = np.diff(positions) / 2
     return np.append(halves, 0.0) + np.append(0.0, halves)
-
-
-def board_net(lattice: HexLattice, cells: IntArray) -> Net:
-    """Return the centres of boards; neighbours keep their distance through space, and the first board is pinned."""
-    number = {cell: i for i, cell in enumerate(map(tuple, cells.tolist()))}
-    pairs = [
-        (i, number[q + a, r + b]) for (q, r), i in number.items() for a, b in PORTS[:3] if (q + a, r + b) in number
-    ]
-    linked = np.array(pairs, np.int64).reshape(-1, 2)
-    # The pinned board and its neighbours take the constraint forces: a board with a single pair cannot take a force
-    # across it.
-    bearing = np.isin(np.arange(len(cells)), np.append(linked[(linked == 0).any(axis=1)], 0))
-    return Net(lattice.centres(cells - cells[0]), linked, bearing / bearing.sum(), straight=True)

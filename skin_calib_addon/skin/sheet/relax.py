@@ -46,7 +46,7 @@ def relax(
         r = surface.derivatives(x)
         points, basis = r[0, 0], np.stack((r[1, 0], r[0, 1]), axis=1)
         normals = unit(cross(r[1, 0], r[0, 1]))
-        measured, pull = pair_lengths(points, normals, net.pairs, net.straight)
+        measured, pull = pair_lengths(points, normals, net.pairs)
         strain = scale * (measured / net.lengths - 1)
         energy, violations = float(strain @ strain), constraints.violations(x, points)
         closer = violation > PARAMETER_TOLERANCE and np.abs(violations).max() < violation / 2
@@ -84,30 +84,21 @@ def relax(
     return x
 
 
-def pair_lengths(points: Array, normals: Array, pairs: IntArray, straight: bool = False) -> tuple[Array, Array]:
-    r"""Return the distances of pairs of points on a surface, and their gradients.
+def pair_lengths(points: Array, normals: Array, pairs: IntArray) -> tuple[Array, Array]:
+    r"""Return the lengths (e,) [m] of pairs of points along a surface, and their gradients (e, 2, 3).
 
-    Along the surface, the length of a pair is the arc of the cubic that has the slopes of the surface at both ends:
+    The length of a pair is the arc of the cubic that has the slopes of the surface at both ends:
 
     .. math:: \ell = c \left(1 + \frac{2 s^2 - s t + 2 t^2}{30}\right) \quad [m]
 
     with the chord c [m] and its slopes s and t against the surface at the two ends [rad].
     """
-    if straight:
-        chord = points[pairs[:, 1]] - points[pairs[:, 0]]
-        length = np.linalg.norm(chord, axis=1)
-        return length, (chord / length[:, None])[:, None] * np.array((-1.0, 1.0))[:, None]
-    length, heading, sines = arcs(points, normals, pairs)
+    chord = points[pairs[:, 1]] - points[pairs[:, 0]]
+    straight = np.linalg.norm(chord, axis=1)
+    heading = chord / straight[:, None]
+    sines = np.einsum("ec,ekc->ek", heading, normals[pairs])
+    s, t = np.arcsin(np.clip(sines, -1, 1)).T
+    length = straight * (1 + (2 * s * s - s * t + 2 * t * t) / 30)
     # The first variation of a geodesic's length: minus its tangent at the start, plus its tangent at the end.
     tangents = unit(heading[:, None] - sines[..., None] * normals[pairs])
     return length, tangents * np.array((-1.0, 1.0))[:, None]
-
-
-def arcs(points: Array, normals: Array, pairs: IntArray) -> tuple[Array, Array, Array]:
-    """Return the lengths of `pair_lengths` along the surface (e,) [m], and the directions of the chords."""
-    chord = points[pairs[:, 1]] - points[pairs[:, 0]]
-    length = np.linalg.norm(chord, axis=1)
-    heading = chord / length[:, None]
-    sines = np.einsum("ec,ekc->ek", heading, normals[pairs])
-    s, t = np.arcsin(np.clip(sines, -1, 1)).T
-    return length * (1 + (2 * s * s - s * t + 2 * t * t) / 30), heading, sines

@@ -1,12 +1,13 @@
 """Taxels of a placed sheet: positions, normals, frames, corners, areas and neighbours."""
 
+from dataclasses import replace
 from functools import lru_cache
 from itertools import compress
 
 import numpy as np
 
 from ...calibration.model import TaxelArray
-from ...common.arrays import Array, BoolArray, cross, unit
+from ...common.arrays import Array, cross, tangential, unit
 from ..lattice import CENTRE, CORNERS, EDGES, Offsets, SheetLattice
 from ..neighbours import neighbours
 from .between import between, spline_matrix
@@ -48,28 +49,38 @@ def sheet_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0) -> Taxe
     positions, uv = at_cells(nodes, CENTRE)[:, 0], at_cells(sheet.uv, CENTRE)[:, 0]
     normals = at_cells(outward.reshape(nodes.shape), CENTRE)[:, 0]
     edges = at_cells(nodes, EDGES)
-    row, corners = edges[:, 0] - edges[:, 2], at_cells(nodes, CORNERS)
-    tangents = unit(row - (row * normals).sum(axis=1, keepdims=True) * normals)
-    index, strain = lattice.index[inside], cell_strain(sheet)[inside]
-    ids = _ids(name, lattice, inside)
+    corners, strain = at_cells(nodes, CORNERS), cell_strain(sheet)[inside]
+    taxels = _taxels(sheet, name, first_channel, uv, positions, normals, edges[:, 0] - edges[:, 2], corners, strain)
+    return replace(taxels, neighbours=neighbours(taxels.ids, positions, normals, corners))
+
+
+def _taxels(
+    sheet: WrappedSheet,
+    name: str,
+    first_channel: int,
+    uv: Array,
+    positions: Array,
+    normals: Array,
+    along: Array,
+    corners: Array,
+    strain: Array,
+) -> TaxelArray:
+    """Return the taxels of the cells inside the surface, without neighbours; the rows of arrays are these cells."""
+    lattice, inside = sheet.lattice, sheet.inside
+    ids = tuple(compress(_all_ids(name, lattice), inside.tolist()))
     return TaxelArray(
         ids=ids,
         channels=first_channel + np.flatnonzero(inside),
-        index=index,
-        uv=surface.wrap(uv),
+        index=lattice.index[inside],
+        uv=sheet.surface.wrap(uv),
         positions_link=positions,
         normals_link=normals,
-        tangents_link=tangents,
+        tangents_link=tangential(along, normals),
         corners_link=corners,
         areas=np.prod(lattice.pitch) * (1 + strain[:, 0]) * (1 + strain[:, 1]) * np.cos(strain[:, 2]),
-        neighbours=neighbours(ids, positions, normals, corners),
+        neighbours=((),) * len(ids),
         quality={"strain": strain, "size": (1 + strain[:, :2]) * lattice.pitch[::-1]},
     )
-
-
-def _ids(name: str, lattice: SheetLattice, inside: BoolArray) -> tuple[str, ...]:
-    every = _all_ids(name, lattice)
-    return every if inside.all() else tuple(compress(every, inside.tolist()))
 
 
 @lru_cache(maxsize=8)  # a preview of many cells needs them at each change
@@ -84,8 +95,7 @@ def preview_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0) -> Ta
     positions at the centre of each cell. The taxels have no neighbours.
     """
     lattice, inside = sheet.lattice, sheet.inside
-    rows, columns = sheet.lines
-    uv = sheet.uv[np.ix_(rows, columns)]
+    uv = sheet.uv[np.ix_(*sheet.lines)]
     r = sheet.surface.derivatives(uv.reshape(-1, 2))
     outward = unit(cross(r[1, 0], r[0, 1]))
     nodes = (r[0, 0] + sheet.offset * outward).reshape(*uv.shape[:2], 3)
@@ -101,23 +111,6 @@ def preview_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0) -> Ta
     a, b, c = (np.einsum("nk,nk->n", one, two) for one, two in ((along, along), (across, across), (along, across)))
     strain = strain_of(lattice, *(2 * np.sqrt(square) for square in (a, b, a + b + 2 * c, a + b - 2 * c)))
     corner = dict(zip(CORNERS, (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1])))
-    index, ids = lattice.index[inside], _ids(name, lattice, inside)
-    return TaxelArray(
-        ids=ids,
-        channels=first_channel + np.flatnonzero(inside),
-        index=index,
-        uv=sheet.surface.wrap(sheet.uv[1::2, 1::2].reshape(-1, 2)[inside]),
-        positions_link=positions,
-        normals_link=normals,
-        tangents_link=unit(along - (along * normals).sum(axis=1, keepdims=True) * normals),
-        corners_link=np.stack([corner[k].reshape(-1, 3) for k in lattice.counter_clockwise(CORNERS)], axis=1)[inside],
-        areas=np.prod(lattice.pitch) * (1 + strain[:, 0]) * (1 + strain[:, 1]) * np.cos(strain[:, 2]),
-        neighbours=((),) * len(index),
-        quality={"strain": strain, "size": (1 + strain[:, :2]) * lattice.pitch[::-1]},
-    )
-
-
-def fan_areas(centres: Array, corners: Array) -> Array:
-    """Return the area (n,) [m^2] of each cell as the sum of the triangles from its centre to its sides."""
-    arms = corners - centres[:, None]
-    return np.linalg.norm(np.cross(arms, np.roll(arms, -1, axis=1)), axis=2).sum(axis=1) / 2
+    corners = np.stack([corner[k].reshape(-1, 3) for k in lattice.counter_clockwise(CORNERS)], axis=1)[inside]
+    uv = sheet.uv[1::2, 1::2].reshape(-1, 2)[inside]
+    return _taxels(sheet, name, first_channel, uv, positions, normals, along, corners, strain)

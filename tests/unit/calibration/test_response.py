@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skin_calib_addon.calibration import Response, ResponseTable, TaxelResponses
-from skin_calib_addon.calibration.response import response_document
-from skin_calib_addon.calibration.response_checks import is_monotone, response_findings, responses_are_monotone
+from skin_calib_addon.calibration.response_checks import is_monotone
 from tests.samples import boards, sheet, small_calibration
 
 STRAIGHT = Response()
@@ -173,26 +172,3 @@ def test_monotone_knows_its_hard_cases():
     assert is_monotone([0, -2e7, 1], 1e7, 1e7 + 50) and not is_monotone([0, -2e7, 1], 1e7 - 50, 1e7 + 50)
     assert not is_monotone([0, 1, -0.475, -0.08 / 3], -1, 1)  # the smallest coefficient reverses it at 0.98
     assert not is_monotone([0, 1, 1e300], 0, 1e100) and not is_monotone([1e308, 1e308], 0, 1e3)
-
-
-@st.composite
-def unsound(draw):
-    """Draw a response that the schema accepts, valid or not: unordered, unequal lengths, too wide, not monotone."""
-    numbers = st.one_of(st.integers(-3, 3).map(float), st.sampled_from([-1e308, 1e308, 1e-300]))
-    lists = st.lists(numbers, min_size=2, max_size=4)
-    lists |= st.lists(numbers, min_size=2, max_size=4, unique=True).map(
-        sorted
-    )  # increasing, but possibly wrong otherwise
-    if draw(st.booleans()):
-        return {"kind": "table", "readings": draw(lists), "forces": draw(lists)}
-    ends = {"range": draw(st.lists(numbers, min_size=2, max_size=2))} if draw(st.booleans()) else {}
-    return {"kind": "polynomial", "coefficients": draw(lists)} | ends
-
-
-@given(responses=st.lists(st.one_of(responses.map(response_document), unsound()), max_size=12))
-def test_bulk_check_of_responses_equals_single_checks(responses):
-    """The bulk check of responses of equal shape gives the same findings in the same order."""
-    one_by_one = [f for k, r in enumerate(responses) for f in response_findings(r, f"/responses/{k}")]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert list(responses_are_monotone({"responses": responses}, ())) == one_by_one

@@ -13,7 +13,7 @@ from skin_calib_addon.calibration.file import save_calibration
 from skin_calib_addon.common.errors import CalibrationFormatError
 from skin_calib_addon.common.warnings import Warning
 from skin_calib_addon.inspection.all_taxels import AllTaxels
-from skin_calib_addon.inspection.comparison import _of_pairs, compare, read_others
+from skin_calib_addon.inspection.comparison import compare, read_others
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan
 from tests.samples import small_calibration
@@ -130,16 +130,3 @@ def test_calibrations_and_files_of_others_are_read(taxels, same, wrist, tmp_path
         read_others(tmp_path / "bare.json")
     with pytest.raises(CalibrationFormatError):
         read_others(tmp_path / "none.txt")
-
-
-@pytest.mark.parametrize(
-    "shift, noise, is_noted", [(0.4e-3, 0.0, False), (0.7e-3, 0.0, True), (3e-3, 0.4, True), (3e-3, 0.7, False)]
-)
-def test_motion_is_noted_if_it_is_large_and_explains_half(shift, noise, is_noted):
-    """Taxels are shifted; what no motion explains is 0.4 or 0.7 of their mean distance."""
-    rng = np.random.default_rng(0)
-    ours = rng.uniform(-0.05, 0.05, (200, 3))
-    scatter = rng.normal(size=(200, 3))
-    scatter *= noise * shift / np.linalg.norm(scatter, axis=1).mean() / np.sqrt(1 - noise**2)
-    notes = list(_of_pairs(np.stack((ours, ours + scatter + (0.0, 0.0, shift)), axis=1)))
-    assert len(notes) == is_noted

@@ -190,20 +190,6 @@ def test_damaged_archive_is_one_error(place, tmp_path):
         assert_array_equal([row for _, row in frames], rows)
 
 
-def test_archive_of_an_unknown_compression_is_one_error(tmp_path):
-    """The library raises NotImplementedError."""
-    path = tmp_path / "r.npz"
-    time, rows = readings()
-    np.savez_compressed(path, time=time, readings=rows)
-    data = bytearray(path.read_bytes())
-    entry = data.index(b"PK\x01\x02")  # of the directory; its method of compression is at byte 10
-    assert data[entry + 10] == zipfile.ZIP_DEFLATED
-    data[entry + 10] = 99
-    path.write_bytes(data)
-    with pytest.raises(CalibrationFormatError, match="cannot read .*r.npz.*compression.*Save it again"):
-        list(read_recording(path))
-
-
 def test_archive_that_expands_too_much_is_refused(tmp_path):
     """Its header states its size before memory is used: 2 MB of file would become 3 GB."""
     path = tmp_path / "r.npz"

@@ -1,7 +1,7 @@
 """One entry of the table of keys is all that a key needs: schema, reading, writing and documentation follow."""
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, fields, replace
 
 import pytest
 
@@ -51,7 +51,7 @@ def test_added_key_is_read_and_written(members):
 
 def test_added_key_is_documented():
     """Its row says everything."""
-    row = "| `thickness` | length [m] | `0.001` | Thickness. | Thickness |  |"
+    row = "| `thickness` | length [m] | `0.001` | Thickness. | Thickness |"
     assert row in plan_keys.table(THICK).splitlines()
 
 
@@ -94,11 +94,10 @@ def test_documentation_is_that_of_the_keys():
 
 @pytest.mark.parametrize("record", [PLAN, *RECORDS], ids=lambda record: record.name)
 def test_entry_of_a_key_is_complete(record):
-    """A description that is a sentence, and a module that exists; names and properties are each there once."""
+    """A description that is a sentence, and a label; names and properties are each there once."""
     has_label = record is not MODALITY  # which the window does not have
     for key in record.keys:
         assert key.description.endswith(".") and key.description[0].isupper(), key.name
-        assert not key.acts or (plan_keys.ROOT / "skin_calib_addon" / key.acts).is_file(), key.acts
         assert key.label or key.type.kind == "constant" or key.name in ("m", "unit", "modalities") or not has_label, (
             key.name
         )
@@ -111,3 +110,14 @@ def test_record_that_is_written_with_its_defaults_has_them_in_the_document():
     """Keys that are always written: a reader of the file sees them."""
     assert write(COVER, read(COVER, {})) == {"shell": "outer", "cuts": []}
     assert POINT.unit == "m" and POINT.is_length and not SHEET.key("direction").type.is_length
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda record: record.name)
+def test_defaults_of_a_key_and_of_its_field_agree(record):
+    """A record that code makes has the defaults of one that is read."""
+    for make, part in ((record.make, ""), *((make, f"{part}.") for part, make in record.parts.items())):
+        defaults = make._field_defaults if hasattr(make, "_fields") else {f.name: f.default for f in fields(make)}
+        for key in record.keys:
+            own = defaults.get(key.path.removeprefix(part), MISSING)
+            if key.path.startswith(part) and not key.is_required and own is not MISSING:
+                assert own == key.default, key.name

@@ -8,11 +8,6 @@ from skin_calib_addon.calibration.model import MAX_CHANNEL
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.plan.document import skins_from, write_skin
 from skin_calib_addon.plan.skins import (
-    GAP,
-    SIDE,
-    BoardSkin,
-    ImportedSkin,
-    SheetSkin,
     first_channels,
     with_channels,
 )
@@ -65,31 +60,6 @@ def test_skin_comes_back_as_it_was_written(document):
     (skin,) = skins_from([copy.deepcopy(document)])
     assert write_skin(skin) == document
     assert skins_from([write_skin(skin)]) == (skin,)
-
-
-def test_defaults_of_a_skin_are_the_documented_ones():
-    """The least that says anything of each kind."""
-    skins = skins_from(
-        [
-            {k: SHEET[k] for k in ("name", "kind", "rows", "columns", "pitch", "origin", "direction")},
-            {"name": "sole", "kind": "hexagons"},
-            {"name": "thigh", "kind": "imported", "file": "t.csv"},
-        ]
-    )
-    assert [skin.first_channel for skin in skins] == [None, None, None]
-    sheet, boards, thigh = with_channels(skins)
-    assert isinstance(sheet, SheetSkin) and isinstance(boards, BoardSkin) and isinstance(thigh, ImportedSkin)
-    assert (sheet.lattice.hand, sheet.offset, sheet.landmarks, sheet.trim, sheet.first_channel) == (
-        "right",
-        0,
-        (),
-        False,
-        0,
-    )
-    assert (boards.lattice.side, boards.lattice.gap, boards.choice) == (SIDE, GAP, "fill")
-    assert (boards.origin, boards.direction, boards.offset, boards.excluded) == (None, None, 0, ())
-    assert boards.first_channel == 132  # after the sheet
-    assert (thigh.format, thigh.frame, thigh.snap, thigh.first_channel) == (None, None, False, None)
 
 
 @pytest.mark.parametrize(

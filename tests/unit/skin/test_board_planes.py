@@ -71,23 +71,6 @@ def test_boards_do_not_depend_on_order_and_frame():
     assert len({(a, b) for a, b in zip(found.tolist(), board[order].tolist())}) == len(np.unique(board))
 
 
-@pytest.mark.parametrize("height, is_flat", [(8e-6, True), (17e-6, False)])
-def test_board_is_flat_up_to_ten_micrometres(height, is_flat):
-    """The middle of ten taxels is above the others; the plane of all is a tenth of it lower."""
-    points = np.append(TRIANGLE, np.zeros((10, 1)), axis=1)
-    points[np.linalg.norm(TRIANGLE, axis=1).argmin(), 2] = height
-    assert (board_planes(points, np.zeros(10, int))[0] >= 0).all() == is_flat
-
-
-@pytest.mark.parametrize("distance, is_board", [(0.04, False), (0.085, True)])
-def test_flat_taxels_near_a_circle_are_no_board(distance, is_board):
-    """Nine of ten taxels are on a circle, as on a sheet around a tube; one is 4 or 8.5 % of the radius off."""
-    angle, radius = 2 * np.pi * np.arange(10) / 10, np.full(10, 0.02)
-    radius[0] *= 1 + distance
-    points = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), 0 * angle))
-    assert (board_planes(points, np.zeros(10, int))[0] >= 0).all() == is_board
-
-
 @pytest.mark.parametrize("distance, count", [(1.6, 1), (1.8, 2)])
 def test_boards_in_one_plane_are_joined_up_to_a_distance(distance, count):
     """Two boards in a plane, 1.6 or 1.8 times as far apart as their taxels."""

@@ -8,14 +8,11 @@ from numpy.testing import assert_allclose
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from skin_calib_addon.calibration import save_calibration
 from skin_calib_addon.calibration.exchange import TaxelSet
-from skin_calib_addon.calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.common.findings import warning
 from skin_calib_addon.skin.imported import (
     MAX_CELL_RADIUS,
-    board_normals,
     frame_on,
     gabriel,
     imported_taxels,
@@ -23,9 +20,6 @@ from skin_calib_addon.skin.imported import (
     near_pairs,
     placed,
 )
-from skin_calib_addon.skin.sheet.taxels import fan_areas
-from tests.examples import slow
-from tests.samples import ERRORS
 from tests.shapes import RADIUS, Motion, cone_surface, cylinder, plane_surface, sheet, wrist, wrist_surface
 
 PITCH = 0.006
@@ -97,18 +91,6 @@ def test_frames_are_orthonormal_and_corners_counter_clockwise(positions, surface
     assert result.findings == ()
 
 
-@pytest.mark.parametrize(("positions", "surface"), PATCHES)
-def test_imported_patch_is_a_calibration(positions, surface, tmp_path):
-    """The checks of a calibration file accept ids, channels, unit vectors, corners, areas and neighbours."""
-    result = imported_taxels(taxel_set(positions), surface, "skin")
-    s = surface
-    model = SurfaceModel("cover", s.degree, s.knots_u, s.knots_v, s.control_net, s.closed, ERRORS)
-    pitch = (result.pitch, result.pitch)
-    patch = Patch("skin", "imported", "cover", (len(positions), 1), pitch, result.taxels)
-    save_calibration(LinkCalibration("arm", MeshSource("a.stl", "0" * 64, 1, 1), (model,), (patch,)), tmp_path / "c")
-    assert result.taxels.ids[:2] == ("skin.t0", "skin.t1") and result.taxels.channels[0] == 100
-
-
 def test_positions_stay_and_gaps_are_their_heights():
     """Taxels above the plane, below it and on it keep their positions; the parameters are those of the footpoint."""
     heights = np.array([0.005, -0.002, 0.0, 0.001])
@@ -155,12 +137,11 @@ def test_normals_point_out_of_the_cylinder_whatever_the_file_says():
 
 
 def test_tangents_run_along_the_surface_or_as_the_file_says():
-    """Tangents are along u or v, or those of the file, projected; perpendicular ones of the file are replaced."""
+    """Tangents are along u, or those of the file, projected; perpendicular ones of the file are replaced."""
     positions, surface = rolled(lattice(4, 30, "triangle")), cone_surface(RADIUS, RADIUS)
-    r = surface.derivatives(imported_taxels(taxel_set(positions), surface, "s").taxels.uv)
-    for name, along in (("u", r[1, 0]), ("v", r[0, 1])):
-        found = imported_taxels(taxel_set(positions), surface, "s", tangent=name).taxels.tangents_link
-        assert_allclose((found * along).sum(axis=1), np.linalg.norm(along, axis=1), rtol=1e-9)
+    taxels = imported_taxels(taxel_set(positions), surface, "s").taxels
+    along = surface.derivatives(taxels.uv)[1, 0]
+    assert_allclose((taxels.tangents_link * along).sum(axis=1), np.linalg.norm(along, axis=1), rtol=1e-9)
     given = np.tile((0, 0.6, 0.8), (len(positions), 1))
     given[7] = positions[7] * (1, 1, 0) / RADIUS
     found = imported_taxels(taxel_set(positions, tangents=given), surface, "s").taxels
@@ -252,7 +233,7 @@ def test_taxel_straight_above_is_no_bound():
     positions = flat(lattice(5, 5, "square"))
     stacked = np.vstack((positions, positions[12] + (1e-12, 0, 0.002)))
     alone = imported_taxels(taxel_set(positions), plane_surface(), "s").taxels
-    below = imported_taxels(taxel_set(stacked), plane_surface(), "s", pitch=PITCH).taxels
+    below = imported_taxels(taxel_set(stacked), plane_surface(), "s").taxels
     assert_allclose(below.areas[12], alone.areas[12], rtol=1e-9)
 
 
@@ -287,7 +268,6 @@ def test_taxels_off_the_surface_are_named():
     assert "s.t3 is the first of 3 taxels beyond an open edge of the surface: s.t3, s.t8, s.t9" in texts[1]
     assert "s.t15 is the only taxel farther than 10 mm from the surface" in texts[0]
     assert len(result.taxels.ids) == 20
-    assert codes(imported_taxels(taxel_set(positions), plane_surface(), "s", farthest=0.03)).keys() == {"beyond-edge"}
     round_it = rolled(lattice(3, 36, "triangle"))  # the seam of a closed surface is not an edge
     assert imported_taxels(taxel_set(round_it), cone_surface(RADIUS, RADIUS), "s").findings == ()
 
@@ -306,25 +286,15 @@ def wrist_taxels():
     return motion.points(on_wrist()), motion
 
 
-def test_wrong_frame_is_an_error_that_proposes_the_right_one():
-    """The message has the distance before and after, and a frame that gives no finding."""
-    positions, _ = wrist_taxels()
-    result = imported_taxels(taxel_set(positions), wrist_surface(), "skin", wrist())
-    (found,) = (f for f in result.findings if f.severity == "error")
-    assert found.code == "wrong-frame" and result.fit.verdict == "moved"
-    assert re.match(r"is [0-9.]+ mm off the mesh on average, and 0\.0 mm in another frame", found.message)
-    again = placed(taxel_set(positions), **found.value)
-    right = imported_taxels(again, wrist_surface(), "skin", wrist())
-    assert right.findings == () and np.linalg.norm(right.taxels.positions_link - on_wrist(), axis=1).max() < 2e-4
-
-
-def test_proposal_replaces_the_given_frame():
-    """The proposal replaces the given frame; it is not a motion after it."""
+def test_wrong_frame_is_an_error_with_a_proposal_that_replaces_it():
+    """The message has the distance before and after; the proposal replaces the frame, it is not a motion after it."""
     positions, _ = wrist_taxels()
     wrong = Motion(5)
     given = wrong.rotation, wrong.shift
     result = imported_taxels(taxel_set(positions), wrist_surface(), "skin", wrist(), frame=given)
     (found,) = (f for f in result.findings if f.severity == "error")
+    assert found.code == "wrong-frame" and result.fit.verdict == "moved"
+    assert re.match(r"is [0-9.]+ mm off the mesh on average, and 0\.0 mm in another frame", found.message)
     proposed = found.value["rotation"], found.value["translation"]
     right = imported_taxels(taxel_set(positions), wrist_surface(), "skin", wrist(), frame=proposed)
     assert right.findings == () and np.linalg.norm(right.taxels.positions_link - on_wrist(), axis=1).max() < 2e-4
@@ -355,41 +325,12 @@ def test_frame_is_refused_where_several_places_fit_or_none():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("positions", "mesh", "surface", "code", "severity", "words"),
-    [
-        (
-            Motion(3).points(rolled(lattice(8, 36, "triangle"))),
-            cylinder(),
-            cone_surface(RADIUS, RADIUS),
-            "wrong-frame",
-            "error",
-            "it fits the mesh in several positions, so give its frame, as in",
-        ),
-        slow(
-            np.random.default_rng(0).uniform(-0.2, 0.2, (80, 3)),
-            cylinder(),
-            cone_surface(RADIUS, RADIUS),
-            "off-mesh",
-            "error",
-            "and no motion brings it nearer than",
-        ),
-        (
-            rolled(lattice(8, 36, "triangle"), RADIUS + 0.006),
-            cylinder(),
-            cone_surface(RADIUS, RADIUS),
-            "off-mesh",
-            "warning",
-            "is 6.0 mm off the mesh on average, and no motion brings it much nearer",
-        ),
-    ],
-)
-def test_a_frame_that_no_motion_corrects_is_a_finding(positions, mesh, surface, code, severity, words):
-    """A symmetric link needs a decision of the author, a set that fits nowhere is refused, a thick skin gives a
-    warning.
-    """
-    found = {f.code: f for f in imported_taxels(taxel_set(positions), surface, "s", mesh).findings}
-    assert found[code].severity == severity and words in found[code].message and found[code].pointer == "s"
+def test_thick_skin_is_a_warning():
+    """No motion of the frame brings it nearer to the mesh."""
+    positions = rolled(lattice(8, 36, "triangle"), RADIUS + 0.006)
+    findings = imported_taxels(taxel_set(positions), cone_surface(RADIUS, RADIUS), "s", cylinder()).findings
+    (found,) = (f for f in findings if f.code == "off-mesh")
+    assert found.severity == "warning" and "is 6.0 mm off the mesh on average, and no motion" in found.message
 
 
 def test_placed_takes_a_rotation_rounded_by_hand():
@@ -401,59 +342,16 @@ def test_placed_takes_a_rotation_rounded_by_hand():
     gaps = [np.linalg.norm(p[:, None] - p, axis=2) for p in (positions, here.positions)]
     assert_allclose(gaps[1], gaps[0], rtol=0, atol=1e-15)
     for wrong in (2 * np.eye(3), np.diag((1, 1, -1)), np.zeros((3, 3)), np.eye(3) + 0.01):
-        message = "the matrix .* is not a rotation; its rows must be orthogonal unit vectors, right-handed"
+        message = "the matrix .* is not a rotation: it (mirrors|scales|stretches)"
         with pytest.raises(InvalidPlan, match=message):
             placed(taxel_set(positions), wrong, (0, 0, 0))
 
 
-@pytest.mark.parametrize("scale, is_rotation", [(1.0008, True), (1.0012, False)])
-def test_rotation_may_be_wrong_by_a_thousandth(scale, is_rotation):
-    """Of each number of the matrix, which is then replaced by the nearest rotation."""
-    positions = flat(lattice(3, 3, "square"))
-    if is_rotation:
-        assert_allclose(placed(taxel_set(positions), scale * np.eye(3), (0, 0, 0)).positions, positions, atol=1e-15)
-        return
-    with pytest.raises(InvalidPlan, match="is not a rotation"):
-        placed(taxel_set(positions), scale * np.eye(3), (0, 0, 0))
-
-
-@pytest.mark.parametrize("degrees_apart, is_board", [(55, True), (65, False), (77, False)])
-def test_board_up_to_60_degrees_from_the_surface_gives_its_normals(degrees_apart, is_board):
-    """Beyond, the plane of a board says nothing about its outer side."""
-    a, positions = np.deg2rad(degrees_apart), flat(lattice(4, 4, "triangle"))
-    upright = np.tile((0, np.sin(a), np.cos(a)), (16, 1))
-    found = board_normals(taxel_set(positions), upright)
-    assert_allclose(found, np.tile((0, 0, 1.0), (16, 1)) if is_board else upright, atol=1e-12)
-
-
-@pytest.mark.parametrize("height, is_pair", [(1.008, False), (1.013, True)])
-def test_third_taxel_within_a_hundredth_of_the_ball_is_between(height, is_pair):
-    """As the corners of a square of a file with few decimals, which are on the ball."""
-    positions = 0.01 * np.array([(0, 0, 0), (2, 0, 0), (1, height, 0)])
-    pairs = gabriel(positions, np.tile((0, 0, 1.0), (3, 1)), np.array([(0, 1)]))
-    assert len(pairs) == is_pair
-
-
-@pytest.mark.parametrize("count, is_accepted", [(190, True), (210, False)])
-def test_taxels_have_200_others_near_them_at_most(count, is_accepted):
-    """More of them are at the same position."""
-    positions, normals = np.zeros((count, 3)), np.tile((0, 0, 1.0), (count, 1))
-    if is_accepted:
-        assert len(near_pairs(positions, normals, 0.01, "s")) == count * (count - 1) // 2
-        return
-    with pytest.raises(InvalidPlan, match="too close together"):
-        near_pairs(positions, normals, 0.01, "s")
-
-
-def test_taxels_without_spacing_need_a_pitch():
-    """A single taxel, or taxels at one position, have no spacing; with a pitch the cell is round."""
+def test_taxels_without_spacing_are_refused():
+    """The cells of a single taxel, or of taxels at one position, have no size."""
     for positions in (flat(np.zeros((1, 2))), flat(np.zeros((3, 2)))):
-        with pytest.raises(InvalidPlan, match="the taxels of s have one position, so .* have no size; give a pitch"):
+        with pytest.raises(InvalidPlan, match="the taxels of s have one position, so that their cells have no size"):
             imported_taxels(taxel_set(positions), plane_surface(), "s")
-        taxels = imported_taxels(taxel_set(positions), plane_surface(), "s", pitch=0.01).taxels
-        arms = taxels.corners_link - positions[:, None]
-        assert_allclose(np.linalg.norm(arms, axis=2), MAX_CELL_RADIUS * 0.01, rtol=1e-9)
-        assert_allclose(taxels.areas, fan_areas(positions, taxels.corners_link), rtol=1e-12)
 
 
 def test_many_taxels_at_one_position_are_refused():
@@ -508,8 +406,8 @@ def test_snapped_taxels_may_not_be_in_one_place():
     """A taxel above another one stays in the file's position; moved to the surface, both have one place."""
     positions = flat(lattice(5, 5, "square"))
     stacked = np.vstack((positions, positions[12] + (1e-5, 0, 0.005)))
-    assert "merged" not in codes(imported_taxels(taxel_set(stacked), plane_surface(), "s", pitch=PITCH))
-    result = imported_taxels(taxel_set(stacked), plane_surface(), "s", snap=True, pitch=PITCH)
+    assert "merged" not in codes(imported_taxels(taxel_set(stacked), plane_surface(), "s"))
+    result = imported_taxels(taxel_set(stacked), plane_surface(), "s", snap=True)
     (found,) = (f for f in result.findings if f.code == "merged")
     assert found.severity == "error" and found.pointer == "s.t12"
     assert (

@@ -27,11 +27,16 @@ BOARDS |= {"origin": [-0.05, 0, 0.1]}
 OFF, MOVED = {"taxel": "1.2", "enabled": False}, {"taxel": "0.3", "channel": 77}
 
 
+MESH, FITS = cylinder(0.05, 0.2, 48, 16), {}
+
+
 def made(tmp_path, *skins, **members):
-    """Return the result of a plan with these skins on a tube."""
+    """Return the result of a plan with these skins on a tube, which is fitted once."""
     surface = Surface(CoverSpec(), TubeGrid(6, 24, Z_AXIS, 1e-3))
     plan = Plan("tube", tmp_path / "tube.stl", "m", (surface,), skins_from(list(skins)), **members)
-    return calibrate(plan, cylinder(0.05, 0.2, 48, 16))
+    result = calibrate(plan, MESH, known=FITS)
+    FITS.update(result.fits)
+    return result
 
 
 def test_disabled_taxel_leaves_the_others_as_they_are(tmp_path):

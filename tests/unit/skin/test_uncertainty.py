@@ -83,14 +83,6 @@ def test_one_sigma_covers_two_thirds_of_the_errors(stated):
     assert 1 / 1.45 < np.sqrt((height**2).mean()) < 1.45
 
 
-@pytest.mark.parametrize("scale", [0.5, 2.0])
-def test_half_or_double_a_sigma_covers_wrongly(stated, scale):
-    """The test above fails for a wrong sigma."""
-    along, height, angle = errors_over_sigma(stated, scale)
-    assert not covers(along) and not covers(angle)
-    assert not 1 / 1.45 < np.sqrt((height**2).mean()) < 1.45
-
-
 @pytest.mark.parametrize("axis", [0, 1], ids=["along u", "along v"])
 def test_slope_along_one_parameter_turns_the_normal_along_its_lines(axis):
     """With a slope along u only, the normal turns along the lines of u, and not across; likewise along v."""
@@ -122,40 +114,36 @@ def test_registration_moves_far_taxels_more(stated):
 def test_paths_from_the_anchor_converge_or_diverge(sign):
     """Random motions of a skin whose rows are exact geodesics have the stated covariance.
 
-    The truth has the metric ``x^2 + y^2 + sign z^2``: a sphere of 50 mm, or the hyperboloid of constant negative
-    curvature in it. Both have closed geodesics, transport and distances.
+    The truth has the metric ``x^2 + y^2 + sign z^2``: a sphere, or a hyperboloid of constant negative curvature.
     """
     radius, rng = 0.05, np.random.default_rng(3)
     metric = np.array((1.0, 1.0, sign))
     cos, sin = (np.cos, np.sin) if sign > 0 else (np.cosh, np.sinh)
 
     def move(point, velocity, carried):
-        """Follow the geodesic; carry vectors along it."""
-        length = np.sqrt(((velocity * metric) * velocity).sum())
-        if length < 1e-12:
-            return point, carried
+        """Follow geodesics, shape (..., 3); carry vectors along them."""
+        length = np.sqrt((velocity * metric * velocity).sum(axis=-1, keepdims=True)) + 1e-12
         ahead, angle = velocity / length, length / radius
         end = cos(angle) * point + radius * sin(angle) * ahead
         turned = -sign * sin(angle) * point / radius + cos(angle) * ahead
-        return end, [v + (v * metric * ahead).sum() * (turned - ahead) for v in carried]
+        return end, [v + (v * metric * ahead).sum(axis=-1, keepdims=True) * (turned - ahead) for v in carried]
 
     start, frame = np.array((0.0, 0.0, radius)), [np.array((1.0, 0, 0)), np.array((0, 1.0, 0))]
     arms = np.array(((0.0, 0.0), (0.03, 0.0), (0.0, 0.05), (-0.03, 0.04)))
     mounted = Registration(1e-4, 3e-3, (0.0, 0.0, 0.0))
     moves = np.zeros((len(arms), 4000, 2))
-    for draw in range(moves.shape[1]):
-        (x, y), turn = rng.normal(0, mounted.origin, 2), rng.normal(0, mounted.direction)
-        point, (e, f) = move(start, x * frame[0] + y * frame[1], frame)
-        e, f = np.cos(turn) * e + np.sin(turn) * f, np.cos(turn) * f - np.sin(turn) * e
-        for i, (a, b) in enumerate(arms):
-            there, axes = move(start, a * frame[0] + b * frame[1], frame)
-            moves[i, draw] = [((move(point, a * e + b * f, [])[0] - there) * metric * axis).sum() for axis in axes]
+    shifts, turn = rng.normal(0, mounted.origin, (4000, 2)), rng.normal(0, mounted.direction, (4000, 1))
+    point, (e, f) = move(start, shifts @ frame, frame)
+    e, f = np.cos(turn) * e + np.sin(turn) * f, np.cos(turn) * f - np.sin(turn) * e
+    for i, (a, b) in enumerate(arms):
+        there, axes = move(start, a * frame[0] + b * frame[1], frame)
+        off = (move(point, a * e + b * f, [])[0] - there) * metric
+        moves[i] = np.stack([(off * axis).sum(axis=1) for axis in axes], axis=1)
     found = np.einsum("ndi,ndj->nij", moves, moves) / moves.shape[1]
     stated = moved_within(arms, mounted, sign / radius**2)
     scale = np.sqrt(stated[:, [0, 1], [0, 1]])
-    assert_allclose(
-        found / (scale[:, :, None] * scale[:, None]), stated / (scale[:, :, None] * scale[:, None]), atol=0.08
-    )
+    scales = scale[:, :, None] * scale[:, None]
+    assert_allclose(found / scales, stated / scales, atol=0.08)
     flat = moved_within(arms, mounted)
     assert (sign * (flat - stated)[2, 0, 0] > 0.2 * flat[2, 0, 0]).all()
 

@@ -54,14 +54,14 @@ def test_motion_of_a_sheet_is_found():
     assert found.residuals.max() < 5e-5 < 9e-4 < found.distances.min()
 
 
-@pytest.mark.parametrize(("count", "wrong"), [(10, 0), (40, 0), (40, 2)])
+@pytest.mark.parametrize(("count", "wrong"), [(10, 0), (40, 2)])
 def test_standard_errors_cover_the_errors(count, wrong):
-    """In 300 random sets 68 +- 5 % of the errors are within one standard error and 95 +- 3 % within two.
+    """In 200 random sets 68 +- 5 % of the errors are within one standard error and 95 +- 3 % within two.
 
     Touches are anywhere in their cells; ``wrong`` of them have another channel.
     """
     ratios, certain = [], 0
-    for seed in range(300):
+    for seed in range(200):
         rng = np.random.default_rng(1000 + seed)
         rows = rng.integers(0, ROWS * COLUMNS, count)
         points = points_after_motion(rows, 0.0, 0.0, PITCH, seed)
@@ -74,7 +74,7 @@ def test_standard_errors_cover_the_errors(count, wrong):
     ratios = np.abs(ratios)
     assert (ratios < 1).mean() == pytest.approx(0.68, abs=0.05)
     assert (ratios < 2).mean() == pytest.approx(0.95, abs=0.03)
-    assert certain < 0.2 * 300  # each of three has one in twenty
+    assert certain < 0.2 * 200  # each of three has one in twenty
 
 
 def test_left_handed_sheet_has_the_same_sign_of_rotation():
@@ -135,21 +135,6 @@ def test_a_wrong_channel_is_named_and_counts_little():
     assert text.startswith("Some touches of sheet are far from the taxel that felt them: line 9, s3.4, ")
     assert "(s0.7 is there); line 42, s0.7, " in text and "(s3.4 is there)" in text
     assert np.abs(found.motion.shift - fine.motion.shift).max() < 2.5e-4
-
-
-def test_distant_touches_count_little():
-    """Four of fifty touches are 40 mm off along the rows: the error of the shift is below half a millimetre, not
-    three.
-    """
-    rows = np.random.default_rng(5).integers(0, ROWS * COLUMNS, 50)
-    points = points_after_motion(rows, 0.0, 0.0, PITCH)
-    outliers = np.flatnonzero(rows % COLUMNS < COLUMNS - 4)[:4]
-    felt = rows.copy()
-    felt[outliers] += 4
-    (fine,) = placements(CALIBRATION, touched(CALIBRATION, rows, points))
-    (found,) = placements(CALIBRATION, touched(CALIBRATION, felt, points))
-    assert found.offsets[:, 0].mean() - fine.offsets[:, 0].mean() < -2e-3
-    assert abs(found.motion.shift[0] - fine.motion.shift[0]) < 5e-4
 
 
 def by_columns(i, j):

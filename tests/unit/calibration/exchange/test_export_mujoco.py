@@ -180,17 +180,6 @@ def cell_centre(calibration, depth):
     return taxels.positions[0] - depth / 2 * taxels.normals[0]
 
 
-@pytest.mark.parametrize(("degrees", "bodies"), [(40, 2), (50, 1)])
-def test_cells_within_45_degrees_in_front_of_a_cell_are_in_another_body(degrees, bodies):
-    """Two patches that face the same direction; the second is above the first, in this direction from its normal."""
-    one = moved(sheet(2, 2, 0.002), "one", np.eye(3), (0, 0, 0))
-    normal, tangent = one.taxels.normals_link[0], one.taxels.tangents_link[0]
-    a = np.deg2rad(degrees)
-    other = moved(one, "two", np.eye(3), 0.1 * (np.cos(a) * normal + np.sin(a) * tangent))
-    text = FORMATS["mjcf"].write(small_calibration(patches=(one, other))).decode()
-    assert text.count("<body ") == bodies
-
-
 def test_patches_without_a_mesh_have_touch_sensors():
     """Two boards, or one straight row of cells, give no mesh; one row around a bend does."""
     straight = sheet(5, 1, 0.01)

@@ -74,7 +74,7 @@ def test_dense_search_gives_no_more_boards(name, lattice):
     assert boards_inside(centres, (1 - MAX_PROTRUSION - 0.5 / OUTLINE_SAMPLES) * corners, edges).all()
 
 
-@pytest.mark.parametrize(("width", "height", "rows"), [(9, 8, [9, 8, 9, 8, 9]), (8.5, 8, [8] * 5), (2, 3.5, [2, 1])])
+@pytest.mark.parametrize(("width", "height", "rows"), [(9, 8, [9, 8, 9, 8, 9]), (2, 3.5, [2, 1])])
 def test_boards_that_fill_a_rectangle_to_its_edges_are_found(width, height, rows):
     """The boards touch all four sides, so that no step of a search meets the single pose."""
     mesh = sheet(lambda x, y: 0 * x, (np.sqrt(3) * SIDE * width, SIDE * height), (30, 20))

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from skin_calib_addon.common.errors import InvalidPlan, OutsideSurface, millimetres
 from skin_calib_addon.geometry import AcrossGrid, TubeGrid, cut_cover, fit_grid, fit_surface, load_mesh
-from skin_calib_addon.geometry.mesh.distance import closest, closest_on_triangles
+from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh
 from skin_calib_addon.plan import load_plan
 from skin_calib_addon.plan.skins import GAP, SIDE
@@ -20,7 +20,7 @@ from tests.examples import slow
 from tests.shapes import Z_AXIS, cone_surface, cylinder, keep, plane_surface, sheet, with_hole, wrist_surface
 
 SAMPLES = pathlib.Path(__file__).resolve().parents[4] / "sample_scenes"
-SMALL, TUM = HexLattice(0.006, 0.0), HexLattice(SIDE, GAP)
+SMALL, TIGHT, TUM = HexLattice(0.006, 0.0), HexLattice(0.0163, 0.0), HexLattice(SIDE, GAP)
 FLOOR = plane_surface(0.1, 0.08)
 
 
@@ -73,38 +73,38 @@ def test_boards_without_a_gap_fit_on_a_dome():
 
 
 def test_fill_gives_at_least_as_many_boards_as_any_given_pose():
-    """Free offset and rotation never give fewer boards than any tested origin and direction; the root is near the
-    origin.
-    """
+    """Offset and rotation are free, near the origin; on a wrist the flat map is only an estimate."""
     boards, _ = lay_boards(FLOOR, SMALL, "fill", (0.05, 0.04, 0), (1, 0, 0))
     found = corners(boards, SMALL)
     assert (found > -1e-8).all() and (found < np.array((0.1, 0.08)) + 1e-8).all()
     rng = np.random.default_rng(0)
-    for _ in range(20):
+    for _ in range(5):
         turn, origin = rng.uniform(0, np.pi / 3), rng.uniform((0.045, 0.035), (0.055, 0.045))
         tried, _ = lay_boards(FLOOR, SMALL, "all", (*origin, 0), (np.cos(turn), np.sin(turn), 0))
         assert len(tried.cells) <= len(boards.cells)
     away = np.linalg.norm(FLOOR.points(boards.uv)[:, :2] - (0.05, 0.04), axis=1)
     assert boards.cells[away.argmin()].tolist() == [0, 0]
     assert (np.lexsort(boards.cells.T) == np.arange(len(boards.cells))).all()  # by r, then q
+    all_, fill = (lay_boards(wrist_surface(), TIGHT, choice, None, (0, 1, 0.4))[0] for choice in ("all", "fill"))
+    assert len(all_.cells) <= len(fill.cells)
 
 
 def test_boards_avoid_holes_edges_and_zones():
-    """No outline is above a notch, a hole or an excluded zone of a plate."""
+    """No outline is above a notch, a hole or an excluded zone of a plate, nor where a zone overlaps a hole."""
     mesh = sheet(lambda x, y: 0 * x, cells=(50, 40))
     mesh = with_hole(keep(mesh, lambda c: (c[:, 0] < 0.07) | (c[:, 1] < 0.05)), (0.03, 0.03, 0), 0.008)
-    fit, screw = flat_fit(mesh), Zone((0.08, 0.02, 0.001), 0.007)
+    fit, zones = flat_fit(mesh), (Zone((0.08, 0.02, 0.001), 0.007), Zone((0.036, 0.03, 0), 0.008))
     for choice in ("all", "fill"):
-        boards, _ = lay_boards(fit.surface, SMALL, choice, None, (1, 0, 0), fit=fit, excluded=(screw,))
+        boards, _ = lay_boards(fit.surface, SMALL, choice, None, (1, 0, 0), fit=fit, excluded=zones)
         outlines = corners(boards, SMALL)
         fraction = np.linspace(0, 1, 20)[:, None, None, None]
         points = (outlines + fraction * (np.roll(outlines, -1, axis=1) - outlines)).reshape(-1, 2)
         assert not ((points[:, 0] > 0.0705) & (points[:, 1] > 0.0505)).any()
-        for centre, radius in (((0.03, 0.03), 0.006), ((0.08, 0.02), 0.007 - 1e-6)):
+        for centre, radius in (((0.03, 0.03), 0.006), ((0.08, 0.02), 0.007 - 1e-6), ((0.036, 0.03), 0.008 - 1e-6)):
             assert np.linalg.norm(points - centre, axis=1).min() > radius
             assert np.linalg.norm(outlines.mean(axis=1) - centre, axis=1).min() > radius
     bare, _ = lay_boards(fit.surface, SMALL, "all", None, (1, 0, 0), fit=fit)
-    kept, _ = lay_boards(fit.surface, SMALL, "all", None, (1, 0, 0), fit=fit, excluded=(screw,))
+    kept, _ = lay_boards(fit.surface, SMALL, "all", None, (1, 0, 0), fit=fit, excluded=zones)
     assert set(map(tuple, kept.cells.tolist())) < set(map(tuple, bare.cells.tolist()))
 
 
@@ -130,18 +130,6 @@ def test_zone_of_a_tube_goes_around_it(point, radius):
     assert np.linalg.norm(boards.corners() - point, axis=2).min() > radius - 1e-4
 
 
-def test_zones_and_holes_add_up():
-    """Where a zone overlaps a hole, no board is in either."""
-    mesh = with_hole(sheet(lambda x, y: 0 * x, cells=(50, 40)), (0.03, 0.03, 0), 0.008)
-    zones = (Zone((0.036, 0.03, 0), 0.008), Zone((0.03, 0.038, 0), 0.006), Zone((0.075, 0.04, 0), 0.005))
-    fit = flat_fit(mesh)
-    boards, _ = lay_boards(fit.surface, HexLattice(0.002, 0.0), "all", None, (1, 0, 0), fit=fit, excluded=zones)
-    points = np.concatenate((corners(boards, boards.lattice), corners(boards, HexLattice(0.001, 0.0))), axis=1)
-    for centre, radius in (((0.03, 0.03), 0.0067), *((zone.point[:2], zone.radius) for zone in zones)):
-        assert np.linalg.norm(points - centre, axis=2).min() > radius - 1e-4
-    assert len(boards.cells) > 400
-
-
 @pytest.mark.parametrize(("radius", "around"), [(0.0366, 8), slow(0.04, 9), slow(0.05, 11), slow(0.06, 13)])
 @pytest.mark.parametrize("choice", ["all", "fill"])
 def test_rows_close_around_a_tube(radius, around, choice):
@@ -150,7 +138,7 @@ def test_rows_close_around_a_tube(radius, around, choice):
     """
     assert around == int(np.pi / np.arctan(np.sqrt(0.75) * 0.0163 / radius))
     fit = fit_surface(cylinder(radius, 0.15, 96, 26), TubeGrid(8, 24, Z_AXIS, margin=1e-3))
-    boards, overhang = lay_boards(fit.surface, HexLattice(0.0163, 0.0), choice, (radius, 0, 0.075), (0, 1, 0), fit=fit)
+    boards, overhang = lay_boards(fit.surface, TIGHT, choice, (radius, 0, 0.075), (0, 1, 0), fit=fit)
     assert len(boards.cells) >= 5 * around and not overhang.any()
     assert_no_overlap(boards)
     if choice == "all":
@@ -186,26 +174,15 @@ def test_boards_on_a_doubly_curved_surface_do_not_overlap(choice, offset):
     assert boards.overlaps()[0].size == 0
 
 
-def test_fill_never_has_fewer_boards_than_all():
-    """Also where the flat map is only an estimate: a wrist, rows in several directions."""
-    for direction in ((0, 1, 0), (0, 1, 0.4), (0, 0, 1)):
-        counts = [
-            len(lay_boards(wrist_surface(), HexLattice(0.0163, 0.0), choice, None, direction)[0].cells)
-            for choice in ("all", "fill")
-        ]
-        assert counts[0] <= counts[1]
-
-
 def test_boards_that_overlap_are_an_error():
     """Around a tube, the board after a whole turn is on the first one. The message names both, and the depth."""
     surface = cone_surface(0.04, 0.04, 0.1)
-    lattice = HexLattice(0.0163, 0.0)
-    lay_boards(surface, lattice, [(q, 0) for q in range(-4, 5)], (0.04, 0, 0.05), (0, 1, 0))
+    lay_boards(surface, TIGHT, [(q, 0) for q in range(-4, 5)], (0.04, 0, 0.05), (0, 1, 0))
     with pytest.raises(
         InvalidPlan,
         match=r"boards \[-4, 0\] and \[5, 0\] overlap by \d+\.\d\d mm at \(.*\) mm, the worst of 1 pairs; leave one",
     ) as error:
-        lay_boards(surface, lattice, [(q, 0) for q in range(-4, 6)], (0.04, 0, 0.05), (0, 1, 0))
+        lay_boards(surface, TIGHT, [(q, 0) for q in range(-4, 6)], (0.04, 0, 0.05), (0, 1, 0))
     assert millimetres(error.value.numbers["place"].point) in str(error.value)
 
 
@@ -232,32 +209,23 @@ def test_boards_are_on_the_mesh():
 
     mesh = sheet(height, cells=(100, 80))
     fit = fit_surface(mesh, AcrossGrid(12, 12, (0, 0, 1), (1, 0, 0)))
-    for choice in ("all", "fill"):
-        boards, _ = lay_boards(fit.surface, SMALL, choice, None, (1, 0, 0), fit=fit)
-        points, normals = fit.surface.points(boards.uv), fit.surface.normals(boards.uv)
-        axes = np.stack((boards.tangents, np.cross(normals, boards.tangents)), axis=1)
-        for i, point in enumerate(points):
-            distances = np.linalg.norm(
-                closest_on_triangles(np.broadcast_to(point, mesh.triangles.shape[::2]), mesh.triangles) - point, axis=1
-            )
-            assert distances.min() <= 1e-3 and mesh.face_normals[distances.argmin()] @ normals[i] >= np.cos(
-                np.deg2rad(15)
-            )
-        outlines = (points[:, None] + SMALL.corners @ axes).reshape(-1, 3)
-        assert closest(mesh, outlines)[0].max() <= MAX_GAP * SMALL.side
-        assert fit.is_trusted(boards.uv).all() and len(points) > 5
+    boards, _ = lay_boards(fit.surface, SMALL, "fill", None, (1, 0, 0), fit=fit)
+    points, normals = fit.surface.points(boards.uv), fit.surface.normals(boards.uv)
+    distances, faces, _ = closest(mesh, points)
+    assert distances.max() <= 1e-3
+    assert (mesh.face_normals[faces] * normals).sum(axis=1).min() >= np.cos(np.deg2rad(15))
+    assert closest(mesh, boards.corners().reshape(-1, 3))[0].max() <= MAX_GAP * SMALL.side
+    assert fit.is_trusted(boards.uv).all() and len(points) > 5
 
 
 @pytest.mark.parametrize(("radius", "most"), [(0.036, 3e-3), (0.03, MAX_GAP * TUM.side)])
 def test_boards_whose_corners_need_a_warning_are_taken_only_where_there_are_no_others(radius, most):
     """Around 72 mm rows along the tube keep the corners within 3 mm; around 60 mm no pose does."""
-    fit = fit_surface(cylinder(radius, 0.14), TubeGrid(12, 16))
+    fit = fit_surface(cylinder(radius, 0.09), TubeGrid(8, 16))
     boards, _ = lay_boards(fit.surface, TUM, "fill", None, None, fit=fit)
-    normals = fit.surface.normals(boards.uv)
-    axes = np.stack((boards.tangents, np.cross(normals, boards.tangents)), axis=1)
-    gaps = radius - np.linalg.norm((fit.surface.points(boards.uv)[:, None] + TUM.corners @ axes)[..., :2], axis=2)
+    gaps = radius - np.linalg.norm(boards.corners()[..., :2], axis=2)
     assert np.abs(gaps).max() <= most and (np.abs(gaps).max() > 3e-3) == (most > 3e-3)
-    assert len(boards.cells) > 30
+    assert len(boards.cells) > 15
     root = int(np.flatnonzero((boards.cells == 0).all(axis=1))[0])
     origin, direction = fit.surface.points(boards.uv[[root]])[0], boards.tangents[root]
     again, _ = lay_boards(fit.surface, TUM, boards.cells, origin, direction, fit=fit)
@@ -293,12 +261,6 @@ def test_given_boards_are_placed_and_their_overhang_returned():
     assert_allclose(error.value.numbers["place"].point, (0.1, 0.04, 0), rtol=0, atol=1e-9)  # on the edge
 
 
-def test_curved_surface_is_filled_within_its_edges():
-    """Boards on a doubly curved wrist that protrude by more than half a millimetre are left out."""
-    boards, overhang = lay_boards(wrist_surface(), HexLattice(0.008, 0.0), "fill", None, None)
-    assert len(boards.cells) > 50 and overhang.max() <= 5e-4
-
-
 def test_no_board_fits():
     """The message for boards wider than the length of a tube is clear, and has its perimeter."""
     words = r"no board with sides of 40 mm fits completely in the region, which is 37\d\.\d x 50\.\d mm over all"
@@ -306,32 +268,32 @@ def test_no_board_fits():
         lay_boards(cone_surface(0.06, 0.06, 0.05), HexLattice(0.04, 0.0), "fill", None, (0, 1, 0))
 
 
-@pytest.mark.parametrize("direction", [(1, 1, 0), (-0.49, -0.872, 0), (0.3, -1, 0)])
-@pytest.mark.parametrize("choice", ["all", [(0, 0), (1, 0), (0, 1)]])
-def test_row_of_the_root_keeps_its_direction_on_a_wavy_surface(direction, choice):
-    """The surface of a sole is an extrapolation outside its outline; it does not change the direction of the row."""
+@pytest.fixture(scope="module")
+def sole():
+    """Return the fit of the sample sole."""
     plan = load_plan(SAMPLES / "sole.plan.json")
     cover = cut_cover(load_mesh(plan.mesh, plan.unit), plan.surface.cover)
-    fit = fit_grid(cover, plan.surface.grid, plan.surface.degree)
-    boards, _ = lay_boards(fit.surface, HexLattice(0.0163, 0.0), choice, None, direction, fit=fit)
+    return fit_grid(cover, plan.surface.grid, plan.surface.degree)
+
+
+@pytest.mark.parametrize(("direction", "choice"), [((-0.49, -0.872, 0), "all"), ((1, 1, 0), [(0, 0), (1, 0), (0, 1)])])
+def test_row_of_the_root_keeps_its_direction_on_a_wavy_surface(sole, direction, choice):
+    """The surface of a sole is an extrapolation outside its outline; it does not change the direction of the row."""
+    boards, _ = lay_boards(sole.surface, TIGHT, choice, None, direction, fit=sole)
     vector = boards.tangents[np.flatnonzero(~boards.cells.any(axis=1))[0], :2]
     turned = np.arctan2(vector[1], vector[0]) - np.arctan2(direction[1], direction[0])
     assert abs((turned + np.pi) % (2 * np.pi) - np.pi) < np.deg2rad(0.3)
 
 
-def test_removed_board_leaves_the_others_in_place_on_a_narrow_sole():
+def test_removed_board_leaves_the_others_in_place_on_a_narrow_sole(sole):
     """Without the middle board two parallel links remain, which shear with no pitch error; the other boards stay."""
-    plan, lattice = load_plan(SAMPLES / "sole.plan.json"), HexLattice(0.0163, -0.000482428)
-    fit = fit_grid(
-        cut_cover(load_mesh(plan.mesh, plan.unit), plan.surface.cover), plan.surface.grid, plan.surface.degree
-    )
-    surface = fit.error_field.surface
-    boards, _ = lay_boards(surface, lattice, "fill", None, None, fit=fit)
+    surface, lattice = sole.error_field.surface, HexLattice(0.0163, -0.000482428)
+    boards, _ = lay_boards(surface, lattice, "fill", None, None, fit=sole)
     points, cells = surface.points(boards.uv), boards.cells.tolist()
     root, around = cells.index([0, 0]), {(1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1), (1, -1)}
     assert around <= set(map(tuple, cells))
     rest = np.delete(np.arange(len(cells)), root)
     listed = [tuple(cell) for cell in boards.cells[rest].tolist()]
-    after, _ = lay_boards(surface, lattice, listed, points[root], boards.tangents[root], fit=fit)
+    after, _ = lay_boards(surface, lattice, listed, points[root], boards.tangents[root], fit=sole)
     assert after.cells.tolist() == boards.cells[rest].tolist()
     assert_allclose(surface.points(after.uv), points[rest], atol=1e-5)

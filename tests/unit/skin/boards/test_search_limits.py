@@ -37,26 +37,6 @@ def test_border_may_protrude_into_a_board_by_6_percent_of_a_side(depth, is_cover
     assert where.outline_is_covered(boards, pose).tolist() == [is_covered]
 
 
-@pytest.mark.parametrize("part", [0.25, 0.5, 0.75])
-def test_small_zone_at_a_quarter_of_a_side_is_found(part):
-    """It has a diameter of a tenth of a side."""
-    a, b = LATTICE.corners[:2]
-    where = layout([zone(0.1 * SIDE, a + part * (b - a), 0.05 * SIDE)])
-    pose = Poses.at(0.0, 1.0)
-    boards, _ = where.placed(pose, np.zeros((1, 2), int))
-    assert not where.outline_is_covered(boards, pose)[0]
-
-
-@pytest.mark.slow
-def test_border_has_up_to_250_steps_of_a_sixth_of_a_pitch():
-    """Along each parameter of a plate of 100 x 80 mm."""
-    for side, steps in ((SIDE, (0.1, 0.08)), (4e-4, None)):
-        lattice = HexLattice(side, 0.0)
-        count = len(layout(lattice=lattice).search.region.nodes)
-        sizes = (250, 250) if steps is None else [6 * length / lattice.pitch for length in steps]
-        assert count == pytest.approx((sizes[0] + 1) * (sizes[1] + 1), rel=0.05)
-
-
 def test_depth_is_exact_to_a_twentieth_of_a_millimetre():
     """In a loop of 24 uneven pieces, compared with the distances from all pieces."""
     angles = np.sort(np.random.default_rng(0).uniform(0, 2 * np.pi, 24))
@@ -74,12 +54,3 @@ def test_depth_is_exact_to_a_twentieth_of_a_millimetre():
     assert (
         depths[np.linalg.norm(points, axis=1) < 0.025].min() > 0 > depths[np.linalg.norm(points, axis=1) > 0.05].max()
     )
-
-
-@pytest.mark.parametrize("side", [0.016, 0.002])
-def test_nodes_of_the_map_are_half_a_pitch_apart_up_to_40_parts(side):
-    """The flat map of a plate of 100 x 80 mm has a knot of the surface every 33 and 27 mm, and parts between them."""
-    lattice = HexLattice(side, 0.0)
-    to_flat = Layout.of(FLOOR, lattice, None, None, 0.0, None, ()).to_flat
-    steps = [length / max(lattice.pitch / 2, length / 40) for length in (0.1, 0.08)]
-    assert to_flat.flat.control_net.shape[:2] == pytest.approx([step + 3 for step in steps], abs=2)

@@ -34,13 +34,6 @@ def pitches(taxels):
     return np.array([np.hypot(radius[i] * turn, points[i, 2] - points[j, 2]) for (i, j), turn in zip(pairs, turns)])
 
 
-def test_default_boards_are_those_of_the_tum_skin():
-    """The side is 16.3 mm, the area 691 mm^2 to a square millimetre, the pitch 27.75 mm."""
-    assert TUM.side == 0.0163
-    assert_allclose(TUM.pitch, 0.02775, rtol=1e-12)
-    assert_allclose(TUM.area, 691e-6, atol=1e-6)
-
-
 @examples(20)
 @given(heading=st.floats(-np.pi, np.pi), gap=st.floats(-0.001, 0.003))
 def test_plane_is_the_identity(heading, gap):
@@ -64,16 +57,15 @@ def chord_error(radius, direction):
 
 
 @pytest.mark.parametrize("radius", [0.04, slow(0.06), slow(0.1)])
-@pytest.mark.parametrize("direction", [(0, 1, 0), (0, 1, 0.5), (0, 0, 1)])
-def test_pitch_is_kept_on_cylinders(radius, direction):
+def test_pitch_is_kept_on_cylinders(radius):
     """The pitch is 27.75 mm along the surface within a tenth of a millimetre, on a fitted mesh, in any direction; the
     error through space is that of the chord.
     """
-    surface = fit_surface(cylinder(radius, 0.3, 128, 40), TubeGrid(8, 32, Z_AXIS, margin=1e-4)).surface
-    taxels = placed(surface, origin=(radius, 0, 0.15), direction=direction)
-    found = pitches(taxels)
-    assert np.abs(found - 0.02775).max() < 1e-4
-    assert_allclose(taxels.quality["pitch_error"].max(), chord_error(radius, direction), rtol=0, atol=1e-5)
+    surface = fit_surface(cylinder(radius, 0.3, 64, 20), TubeGrid(8, 32, Z_AXIS, margin=1e-4)).surface
+    for direction in ((0, 1, 0), (0, 1, 0.5), (0, 0, 1)):
+        taxels = placed(surface, origin=(radius, 0, 0.15), direction=direction)
+        assert np.abs(pitches(taxels) - 0.02775).max() < 1e-4
+        assert_allclose(taxels.quality["pitch_error"].max(), chord_error(radius, direction), rtol=0, atol=1e-5)
 
 
 def test_tilt_and_gap_on_a_cylinder_are_those_of_tangent_planes():

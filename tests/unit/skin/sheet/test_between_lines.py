@@ -17,8 +17,3 @@ def test_interpolation_is_the_not_a_knot_spline(count, derivative):
     sites = np.linspace(nodes[0] - 0.1, nodes[-1] + 0.1, 30)
     spline = make_interp_spline(nodes, np.eye(count), k=min(3, count - 1))
     np.testing.assert_allclose(interpolation(nodes, sites, derivative), spline(sites, nu=derivative), atol=1e-12)
-
-
-def test_one_line_has_its_own_value():
-    """A sheet with one row."""
-    np.testing.assert_array_equal(interpolation(np.array([2.0]), np.array([1.0, 2.0, 5.0])), np.ones((3, 1)))

@@ -60,13 +60,6 @@ def test_closure_of_columns_and_of_a_short_sheet():
     assert closure(wrap_sheet(plane_surface(), SheetLattice(3, 4, SQUARE), None, (1, 0, 0))) is None
 
 
-@pytest.mark.parametrize("columns, closes", [(10, False), (12, True)])
-def test_sheet_of_half_a_turn_closes(columns, closes):
-    """22 columns are a turn: a sheet that is clearly shorter than half of it is on one side of the link."""
-    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(3, columns, SQUARE), None, (0, 1, 0))
-    assert (closure(sheet) is not None) == closes
-
-
 def test_long_paths_are_those_of_the_developed_cone():
     """Up to four fifths of a turn and 20 cm: lengths and headings are those of a straight line in the plane."""
     surface, rng = cone_surface(0.02, 0.05, 0.1), np.random.default_rng(0)
@@ -98,10 +91,7 @@ def test_overlap_of_a_tenth_of_a_cell_is_refused(cells, is_refused):
     assert error.value.numbers["place"].point == (1.0, 1.0, 1.0)
 
 
-HEADINGS = np.deg2rad([-80, -60, -45, -30, -10, 0, 5, 20, 40, 45, 50, 70, 90])
-
-
-@pytest.mark.parametrize("heading", HEADINGS)
+@pytest.mark.parametrize("heading", np.deg2rad([-60, -30, 0, 5, 45, 90]))
 def test_gap_of_a_cylinder_is_that_of_the_developed_plane(heading):
     """For rows in any direction, the smallest gap is the distance of the flat rectangle to itself one turn later."""
     radius, lattice = 0.025, SheetLattice(4, 9, (0.008, 0.01))
@@ -141,8 +131,10 @@ def test_overlap_of_a_cylinder_is_what_the_lines_are_too_long(columns, rows, hea
         assert_allclose(found.gaps.min(), 0.157080 * 0.70711 - 0.064, rtol=0, atol=5e-5)
 
 
-@pytest.mark.parametrize("bottom, top", [(0.045, 0.030), (0.030, 0.045), (0.06, 0.03)])
-@pytest.mark.parametrize("degrees", [-25, 0, 10, 40])
+@pytest.mark.parametrize(
+    "bottom, top, degrees",
+    [(0.045, 0.03, -25), (0.03, 0.045, 0), (0.03, 0.045, 40), (0.06, 0.03, 10)],
+)
 def test_gap_of_a_cone_is_that_of_the_developed_plane(bottom, top, degrees):
     """The sheet one turn later is rotated about the tip of the developed cone; distances are those of dense points."""
     heading, start, length = np.deg2rad(degrees), 0.15, 0.4
@@ -159,7 +151,7 @@ def test_gap_of_a_cone_is_that_of_the_developed_plane(bottom, top, degrees):
     axes = np.array(((c, s), (-s, c)))
     tip = np.array((0.0, radius / np.sin(slope)))
     turn = 2 * np.pi * abs(np.sin(slope)) * np.sign(tip[1])
-    fine = np.linspace(0, 1, 1201)[:, None]
+    fine = np.linspace(0, 1, 601)[:, None]
     corners = np.array(((0, 0), (columns, 0), (columns, 3), (0, 3), (0, 0))) * 0.01 - 0.005
     outline = np.concatenate([a + fine * (b - a) for a, b in zip(corners, corners[1:])]) @ axes - tip
     rotation = np.array(((np.cos(turn), -np.sin(turn)), (np.sin(turn), np.cos(turn))))
@@ -186,14 +178,3 @@ def test_part_of_a_turn_on_a_link_has_a_large_gap():
     u = np.interp(v % 1, *np.array(sorted((b % 1, a) for a, b in sheet.uv[1])).T, period=1)
     ring = np.linalg.norm(np.diff(surface.points(np.column_stack((u, v))), axis=0), axis=1).sum()
     assert found.of == "rows" and abs(found.gaps[0] - (ring - 0.14)) < 0.002 and found.overlap == 0
-
-
-def test_shortest_path_on_a_cylinder_is_a_helix():
-    """Length and heading are those of the developed plane, over more than half of a turn."""
-    surface = cone_surface(RADIUS, RADIUS)
-    length, heading, up = shortest_paths(surface, np.array([[0.2, 0.1]]), np.array([[0.7, 0.75]]))
-    ends = surface.points([[0.2, 0.1], [0.7, 0.75]])
-    around, rise = 0.65 * 2 * np.pi * RADIUS, ends[1, 2] - ends[0, 2]
-    assert_allclose(length, np.hypot(around, rise), rtol=2e-4)
-    assert_allclose(heading[0, 2], rise / np.hypot(around, rise), rtol=1e-3)
-    assert abs(up[0] @ heading[0]) < 1e-12

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from skin_calib_addon.calibration.model import fan_areas
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
 from skin_calib_addon.skin.neighbours import neighbours
-from skin_calib_addon.skin.sheet.taxels import fan_areas
 from tests.examples import examples
 from tests.shapes import RADIUS, TURN, cone_surface, plane_surface, wrist_surface
 
