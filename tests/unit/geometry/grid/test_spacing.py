@@ -19,9 +19,11 @@ from skin_calib_addon.geometry.grid.spacing import (
     limited_move,
 )
 from skin_calib_addon.geometry.mesh.distance import closest
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh
 from skin_calib_addon.geometry.sampling.basis import spline_sites
 from skin_calib_addon.geometry.surface.bspline import clamped_knots, greville
 from skin_calib_addon.geometry.surface.distance import surface_samples
+from skin_calib_addon.geometry.surface.footpoints import footpoints
 from tests.examples import examples
 from tests.shapes import (
     LENGTH,
@@ -55,6 +57,15 @@ def tube(radius, around=96, along=26):
 def square(power=8):
     """A tube whose section is a square with corners that are the less rounded the higher the power."""
     return tube(lambda a, h: RADIUS / (np.abs(np.cos(a)) ** power + np.abs(np.sin(a)) ** power) ** (1 / power), 240)
+
+
+@pytest.mark.parametrize("mesh", [cylinder(around=24), cone(), wrist()], ids=["cylinder", "cone", "wrist"])
+def test_noise_of_a_nanometre_moves_no_surface(mesh):
+    """Lines follow what exceeds the rounding of a mesh file; otherwise they turned by 5 mm, the surface moved by 5 um."""
+    noise = 1e-9 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
+    grid = TubeGrid(6, 12, Z_AXIS, 0.004)
+    plain, noisy = (fit_surface(m, grid).surface for m in (mesh, TriangleMesh(mesh.vertices + noise, mesh.faces)))
+    assert footpoints(plain, noisy.points(surface_samples(noisy)[0][::5]))[1].max() < 5e-7
 
 
 def bumped(at=0.9):
