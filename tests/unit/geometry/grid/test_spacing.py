@@ -61,7 +61,7 @@ def square(power=8):
 
 @pytest.mark.parametrize("mesh", [cylinder(around=24), cone(), wrist()], ids=["cylinder", "cone", "wrist"])
 def test_noise_of_a_nanometre_moves_no_surface(mesh):
-    """Lines follow what exceeds the rounding of a mesh file; otherwise they turned by 5 mm, the surface moved by 5 um."""
+    """Lines follow what exceeds the rounding of a mesh file; before, the surface moved by 5 um."""
     noise = 1e-9 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
     grid = TubeGrid(6, 12, Z_AXIS, 0.004)
     plain, noisy = (fit_surface(m, grid).surface for m in (mesh, TriangleMesh(mesh.vertices + noise, mesh.faces)))
