@@ -439,18 +439,6 @@ def test_robot_without_any_mesh_states_why(tmp_path, capsys, call):
     assert "3 links, 0 plans" in said.out
 
 
-@pytest.mark.slow
-def test_robot_is_proposed_and_fitted_by_one_command(tube, tmp_path, capsys):
-    """``fit --propose`` writes plans, calibrations and robot.json to one folder."""
-    save_mesh(tube, tmp_path / "upper.ply")
-    urdf, out = tmp_path / "arm.urdf", tmp_path / "robot"
-    urdf.write_text(URDF)
-    assert main(["fit", str(urdf), "--propose", "-o", str(out), "--except", "lost"]) == 0
-    assert {"robot.json", "upper.plan.json", "lower.calibration.json"} <= {p.name for p in out.iterdir()}
-    assert main(["check", str(out)]) == 0
-    assert json.loads((out / "robot.json").read_text())["robot"] == "arm"
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -8,14 +8,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import EmptySection
-from skin_calib_addon.geometry import AcrossGrid, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface, weld
+from skin_calib_addon.geometry import AcrossGrid, SectorGrid, TubeGrid, fit_surface, weld
 from skin_calib_addon.geometry.grid import spacing
 from skin_calib_addon.geometry.grid.heights import Heights, filled, sampled_heights, widths
 from skin_calib_addon.geometry.grid.parametrizations import parametrized_lines
 from skin_calib_addon.geometry.grid.spacing import (
     best_positions,
-    density_map,
-    even_map,
     limited_move,
 )
 from skin_calib_addon.geometry.mesh.distance import closest
@@ -227,16 +225,6 @@ def test_gaps_do_not_attract_planes(hole):
     assert left[1] < 1.3 * left[0] < 0.1 * left[2]
 
 
-def test_gaps_in_a_face_do_not_attract_planes():
-    """A hole in a flat sheet: even planes stay."""
-    flat = sheet(lambda x, y: 0.02 + 0 * x)
-    grid = AcrossGrid(8, 8, (0, 0, 1.0), (1.0, 0, 0))
-    along, across, parametrization = heights_of(with_hole(flat, (0.03, 0.03, 0.02), 0.015), grid)
-    assert (across.known == 0).any()
-    assert_allclose(best(along, 8), even(along, 8), rtol=1e-14)
-    assert_allclose(best(across, 8), even(across, 8), rtol=1e-14)
-
-
 def test_heights_of_nothing_are_refused():
     """No ray hits the mesh: the message has one line and states what to do."""
     with pytest.raises(EmptySection, match="No ray of the grid hits the mesh. Move the axis into the mesh") as caught:
@@ -344,39 +332,6 @@ def test_curvature_lines_are_dense_at_corners():
     step = np.interp(np.arange(8) * np.pi / 4, t, np.gradient(t), period=TURN)
     assert (step[::2] < 0.6 * step[1::2]).all()
     assert_allclose(step[::2], step[0], rtol=0.15)
-
-
-def test_flat_face_has_no_curvature_map():
-    """A plane asked for curvature gets even lines."""
-    at = np.linspace(0.01, 0.05, 300)
-    flat = Heights(at, np.full((2, 300), 0.1), np.ones((2, 300)), False, False, True)
-    for found, expected in zip(density_map(flat, "curvature"), even_map(flat)):
-        assert_array_equal(found, expected)
-
-
-@pytest.mark.parametrize("tilt", [0.0, 0.3])
-def test_author_planes_are_kept_to_the_bit(tilt):
-    """Uneven u-planes and v-planes come out of the fit as they went in, and no line leaves its v-plane."""
-    stations, angle = np.array((0.02, 0.023, 0.031, 0.05, 0.052, 0.08)), np.array((0.1, 0.5, 0.6, 1.7, 2.2))
-    tilts = np.linspace(-tilt, tilt, 6)
-    u = Planes(stations[:, None] * (0, 0, 1.0), np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts))))
-    v = Planes(np.zeros((5, 3)), np.column_stack((-np.sin(angle), np.cos(angle), 0 * angle)))
-    lines = fit_surface(wrist(), PlanesGrid(u, v, True)).lines
-    assert lines.planes_u.points.tobytes() == u.points.tobytes()
-    assert lines.planes_u.normals.tobytes() == u.normals.tobytes()
-    for j, name in enumerate(lines.v_names):
-        assert np.abs(lines.directions[:, j] @ v.normals[int(name.removeprefix("v-plane "))]).max() < 1e-15
-    assert (lines.origins == lines.origins[:, :1]).all()  # one point of each u-plane, to the bit
-    assert np.abs(lines.origins[..., :2]).max() < 1e-14
-
-
-def test_lines_that_were_placed_are_kept_to_the_bit():
-    """Lines of an automatic grid, given again: the very lines, and the very surface."""
-    grid = TubeGrid(8, 16, Z_AXIS, 0.004)
-    lines = grid.line_grid(wrist())
-    fit, again = fit_surface(wrist(), grid), fit_surface(wrist(), lines)
-    assert again.lines is lines
-    assert fit.surface.control_net.tobytes() == again.surface.control_net.tobytes()
 
 
 @examples(5)
