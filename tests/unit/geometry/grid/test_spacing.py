@@ -14,6 +14,7 @@ from skin_calib_addon.geometry.grid.heights import Heights, filled, sampled_heig
 from skin_calib_addon.geometry.grid.parametrizations import parametrized_lines
 from skin_calib_addon.geometry.grid.spacing import (
     best_positions,
+    equalized,
     limited_move,
 )
 from skin_calib_addon.geometry.mesh.distance import closest
@@ -199,6 +200,15 @@ def test_symmetric_shapes_keep_even_angles(mesh, lines):
     along, across, parametrization = heights_of(mesh, TubeGrid(6, lines, Z_AXIS))
     assert_array_equal(best(across, lines), TURN * (np.arange(lines) / lines))
     assert_array_equal(best(along, 6), even_spans(along, 6))
+
+
+def test_spans_with_more_error_become_shorter():
+    """Five spans of one length; where errors are equal, they stay equal."""
+    even = np.array((0.0, 1.0)), np.array((2.0, 3.0))
+    fractions, positions = equalized(even, np.array((1.0, 1.0, 50.0, 1.0, 1.0)), False)
+    spans = np.diff(np.interp(np.linspace(0, 1, 6), fractions, positions))
+    assert spans.sum() == pytest.approx(1) and spans.argmin() == 2 and spans[2] < 0.75 * spans[0]
+    assert_allclose(np.interp((0.2, 0.6), *equalized(even, np.ones(5), False)), (2.2, 2.6))
 
 
 def test_flat_sheet_keeps_even_spans():
