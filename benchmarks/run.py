@@ -1,6 +1,6 @@
 """Compare ours with the paper's method and with peers, in one run: tables, CSV files and the figures of the docs.
 
-    python benchmarks/run.py [--repeats N] [--only time_error|stability|cost|placement|cycle|files] [--quick]
+    python benchmarks/run.py [--repeats N] [--only time_error|stability|cost|placement|cycle] [--quick]
 
 A warm time is the median of N calls, or of as many as fit in ``measure.BUDGET``; a cold time is that of the first call
 in a fresh process, after imports. Times go from mesh to surface, without reading files, with the machine's default
@@ -24,13 +24,12 @@ from pathlib import Path
 import cost
 import cycle
 import figures
-import files
 import placement
 import stability
 import time_error
 from links import ROOT
 
-MODULES = (time_error, stability, cost, placement, cycle, files)
+MODULES = (time_error, stability, cost, placement, cycle)
 BENCHMARKS = {module.__name__: module for module in MODULES}
 
 

@@ -1,6 +1,7 @@
 """The smallest grid within a tolerance: predicted by the splines that place its lines, confirmed by fits."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -23,8 +24,9 @@ MAX_PLANES = 60  # [1] most u-planes of an automatic grid. Larger: tighter toler
 MAX_LINES = 160  # [1] most lines per plane of an automatic grid. Larger: tighter tolerances, more time
 COUNT_RATIO = 1.3  # [1] ratio of successive numbers of planes or lines whose error is predicted. Smaller: more time
 # [fraction of an error] below which the error of one direction adds little to that of the other. Larger: more time.
-MINOR_ERROR_RATIO = 0.4
-MAX_FITS = 8  # [1] most fits of a search. Larger: a grid nearer to the smallest, more time
+MINOR_ERROR_RATIO = 0.6
+# [1] most fits before nets are enlarged, and again after it. Larger: a grid nearer to the smallest, more time.
+MAX_FITS = 8
 # [1] least ratio of the control points of two nets that are both fitted. Their errors have at least this ratio, too: a
 # fit that uses more of the tolerance is small enough. Larger: fewer fits.
 MIN_SIZE_RATIO = 1.1
@@ -77,6 +79,7 @@ class Predictor:
         self.along, self.across = sampled_heights(mesh, parametrization)
         self.planes, self.lines = (np.arange(p + 1, count + 1) for p, count in zip(degree, most))
         self.nets = self.planes[:, None] * self.lines
+        self._error_at = cache(self._predicted)
 
     def smallest(self, error: float, allowed: BoolArray, factors: Array) -> tuple[int, int] | None:
         """Return the planes and lines of the smallest net with at most this error [m], of those allowed.
@@ -134,7 +137,7 @@ class Predictor:
                 break
         return np.exp(np.interp(np.log(counts), np.log(known[: len(errors)]), np.log(errors)))
 
-    def _error_at(self, heights: Heights, count: int, degree: int) -> float:
+    def _predicted(self, heights: Heights, count: int, degree: int) -> float:
         positions = best_positions(heights, count, degree, draft=True)
         return heights.error(positions, degree, self.measure)
 
@@ -142,7 +145,7 @@ class Predictor:
 def error_of(fit: SurfaceFit, measure: str) -> float:
     """Return the mean or largest distance from surface to mesh [m]; infinite if no part of it can be measured."""
     try:
-        return float(fit.to_mesh.mean if measure == "mean" else (1 + MAX_MARGIN) * fit.to_mesh.max)
+        return float(fit.mean_to_mesh if measure == "mean" else (1 + MAX_MARGIN) * fit.to_mesh.max)
     except EmptySection:
         return np.inf
 
@@ -200,7 +203,7 @@ def _smallest(
         )
     given, (mesh, outliers) = mesh, without_outliers(mesh)
     parametrization = grid.region.parametrization(mesh)
-    search = Search(Predictor(mesh, parametrization, degrees, measure), tolerance, measure, max_deviation)
+    search = Search(Predictor(mesh, parametrization, degrees, measure), tolerance, max_deviation)
     fit = search.run()
     if fit is None:
         raise refusal(search, grid.region)
@@ -214,15 +217,16 @@ class Search:
     A surface that folds, or that is too far from the mesh somewhere, does not count.
     """
 
-    def __init__(self, predictor: Predictor, tolerance: float, measure: str, max_deviation: float):
-        self.predictor, self.tolerance, self.measure = predictor, tolerance, measure
-        self.limits = DeviationLimits.of(max_deviation, tolerance, measure)
+    def __init__(self, predictor: Predictor, tolerance: float, max_deviation: float):
+        self.predictor, self.tolerance, self.measure = predictor, tolerance, predictor.measure
+        self.limits = DeviationLimits.of(max_deviation, tolerance, self.measure)
         self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}  # error [m] and fit of each net
         self.best: SurfaceFit | None = None
-        self.nets: list[SurfaceFit] = []  # larger and larger ones, which do not depend on the tolerance
+        # Larger and larger nets, which do not depend on the tolerance.
+        self.nets: list[tuple[float, SurfaceFit]] = []
 
-    def fit(self, size: tuple[int, int]) -> SurfaceFit:
-        """Fit the net of a size, which becomes the best if it is smaller."""
+    def fit(self, size: tuple[int, int]) -> tuple[float, SurfaceFit]:
+        """Return error [m] and fit of the net of a size, which becomes the best if it is smaller."""
         if size not in self.tried:
             fit = replace(self.predictor.fit(size), limits=self.limits)
             self.tried[size] = error_of(fit, self.measure), fit
@@ -230,7 +234,7 @@ class Search:
         is_smaller = self.best is None or net_size(fit) < net_size(self.best)
         if is_smaller and error <= self.tolerance and self.is_usable(fit, self.tolerance):
             self.best = fit
-        return fit
+        return error, fit
 
     def run(self) -> SurfaceFit | None:
         """Fit nets until the smallest within the tolerance is nearly found; None if none is."""
@@ -250,8 +254,8 @@ class Search:
                     break
             else:
                 break
-            fit = self.fit(size)
-            if fit is self.best and self.measure == "mean" and error_of(fit, "mean") > self.tolerance / MIN_SIZE_RATIO:
+            error, fit = self.fit(size)
+            if fit is self.best and error > self.tolerance / MIN_SIZE_RATIO:
                 break
 
     def allowed(self) -> BoolArray:
@@ -294,9 +298,8 @@ class Search:
         """
         least = np.inf
         for count in (*NET_SIZES, MAX_PLANES * MAX_LINES):
-            fit = self.fit(self.predictor.best(count))
-            self.nets.append(fit)
-            before, least = least, error_of(fit, self.measure)
+            self.nets.append(self.fit(self.predictor.best(count)))
+            before, least = least, self.nets[-1][0]
             if self.best or (self.measure == "mean" and least > NO_GAIN_RATIO * before):
                 break
 
@@ -308,9 +311,9 @@ class Search:
 
     def nearest(self) -> tuple[float, SurfaceFit]:
         """Return the least error of the enlarged nets [m], rounded up, and its fit; infinite if all of them fold."""
-        whole = [(error_of(fit, self.measure), fit) for fit in self.nets if fit.smallest_area >= FOLDED_AREA]
+        whole = [(error, fit) for error, fit in self.nets if fit.smallest_area >= FOLDED_AREA]
         if not whole:
-            return np.inf, self.nets[0]
+            return np.inf, self.nets[0][1]
         usable = [(error, fit) for error, fit in whole if self.is_usable(fit, error)]
         error, fit = min(usable or whole, key=lambda found: found[0])
         return rounded_up(error * 1e3) / 1e3, fit

@@ -95,6 +95,22 @@ def largest_around(
     return largest, of, where
 
 
+def distances_at(mesh: TriangleMesh, surface: BSplineSurface, at: Array) -> tuple[Array, Array, Array]:
+    """Return distances (k,) [m] of a surface from a mesh at parameters (k, 2), slopes (k, 2), area elements (k,)."""
+    r = surface.derivatives(at)
+    found, _, foot = closest(mesh, r[0, 0])
+    normals = cross(r[1, 0], r[0, 1])
+    slopes = _sine(r[0, 0] - foot, unit(normals))[:, None] * np.stack((norms(r[1, 0]), norms(r[0, 1])), axis=1)
+    return found, slopes, norms(normals)
+
+
+def mean_to_mesh(mesh: TriangleMesh, surface: BSplineSurface, is_measured: Callable[[Array], BoolArray]) -> float:
+    """Return the mean of ``surface_to_mesh`` alone [m]."""
+    at, width = measured_samples(surface, is_measured)
+    distances, _, areas = distances_at(mesh, surface, at)
+    return float(np.average(distances, weights=areas * width.prod(axis=1)))
+
+
 def surface_to_mesh(
     mesh: TriangleMesh, surface: BSplineSurface, is_measured: Callable[[Array], BoolArray], feet: Array
 ) -> tuple[DistanceStatistics, Array]:
@@ -103,28 +119,19 @@ def surface_to_mesh(
     ``feet`` (k, 2) are the footpoints of vertices: the distance is often largest below a corner of facets.
     """
 
-    def of_measured(at: Array) -> tuple[Array, Array, Array]:
-        r = surface.derivatives(at)
-        found, _, foot = closest(mesh, r[0, 0])
-        normals = cross(r[1, 0], r[0, 1])
-        slopes = _sine(r[0, 0] - foot, unit(normals))[:, None] * np.stack((norms(r[1, 0]), norms(r[0, 1])), axis=1)
-        return found, slopes, norms(normals)
-
     def distances(face: IntArray, at: Array) -> tuple[Array, Array]:
         for axis in (0, 1):
             at[:, axis] = at[:, axis] % 1.0 if surface.closed[axis] else np.clip(at[:, axis], 0, 1)
         found, slopes = np.full(len(at), NOT_COUNTED), np.zeros((len(at), 2))
         counts = is_measured(at)
-        found[counts], slopes[counts], _ = of_measured(at[counts])
+        found[counts], slopes[counts], _ = distances_at(mesh, surface, at[counts])
         return found, slopes
 
     at, width = measured_samples(surface, is_measured)
-    if len(at) == 0:
-        raise EmptySection("No sample ray hit the mesh next to another one, so the error is unknown. Move the planes.")
     feet = feet[is_measured(feet)]
     even, at = len(at), np.concatenate((at, feet))
     width = np.concatenate((width, np.tile(width.max(axis=0), (len(feet), 1))))
-    found, slopes, areas = of_measured(at)
+    found, slopes, areas = distances_at(mesh, surface, at)
     best, face = int(np.argmax(found)), np.zeros(len(at), np.int64)
     largest, _, where = largest_around(distances, face, at, width, found, slopes, float(found[best]))
     weights = (areas * width.prod(axis=1))[:even]
@@ -151,6 +158,8 @@ def measured_samples(surface: BSplineSurface, is_measured: Callable[[Array], Boo
     middle = (np.arange(PARTS) + 0.5) / PARTS * 2 - 1
     parts = (pairs_of(u, v)[cut, None] + pairs_of(middle, middle) * width).reshape(-1, 2)
     parts = parts[is_measured(parts)]
+    if len(whole) + len(parts) == 0:
+        raise EmptySection("No sample ray hit the mesh next to another one, so the error is unknown. Move the planes.")
     widths = np.concatenate((np.tile(width, (len(whole), 1)), np.tile(width / PARTS, (len(parts), 1))))
     return np.concatenate((uv[whole], parts)), widths
 

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...common.arrays import Array, BoolArray, IntArray, pairs_of
+from ...common.arrays import Array, BoolArray, IntArray, cross, norms, pairs_of
 from ...common.errors import EmptySection
 from ...common.surface_errors import DistanceStatistics, SurfaceErrors
 from ...common.warnings import Warning
@@ -19,7 +19,15 @@ from ..surface.bspline import BSplineSurface
 from ..surface.distance import is_sampled, surface_samples
 from .diagnosis import DeviationLimits, condition, dropped_curve_warnings, dropped_curves, fit_warnings
 from .error_field import ErrorField, error_field
-from .error_report import MIN_COVER_COSINE, IsCover, VertexFeet, mesh_to_surface, surface_to_mesh, winding
+from .error_report import (
+    MIN_COVER_COSINE,
+    IsCover,
+    VertexFeet,
+    mean_to_mesh,
+    mesh_to_surface,
+    surface_to_mesh,
+    winding,
+)
 from .undercut import undercut_warnings
 
 # [1] points per control point and direction at which the area element is evaluated. Larger: smaller folds are found.
@@ -132,6 +140,11 @@ class SurfaceFit:
         return self._to_mesh[0]
 
     @cached_property
+    def mean_to_mesh(self) -> float:
+        """Return the mean distance from surface to mesh [m], in half the time of ``to_mesh``."""
+        return mean_to_mesh(self.mesh, self.surface, self.is_measured)
+
+    @cached_property
     def error_field(self) -> ErrorField:
         """Return the surface without the known error under the facets, and the variance of the error that remains."""
         parts, state = (self.basis, self.offsets, self.samples), (self.converged, self.noise, self.stiffness)
@@ -171,13 +184,11 @@ class SurfaceFit:
         """Return ``smallest_area``, and its parameters (2,)."""
         k, l = (AREA_SITES_PER_CONTROL_POINT * size for size in self.offsets.shape)
         v = np.arange(l) / l if self.lines.closed else np.linspace(0, 1, l)
-        uv = pairs_of(np.linspace(0, 1, k), v)
-        r = self.surface.derivatives(uv)
-        normals = np.cross(r[1, 0], r[0, 1])
-        s = self.surface
+        u, s = np.linspace(0, 1, k), self.surface
         outward = BSplineSurface(self.basis.close(self.lines.directions), s.knots_u, s.knots_v, s.degree, s.closed)
-        areas = np.linalg.norm(normals, axis=1)
-        signed = areas * np.sign((normals * outward.points(uv)).sum(axis=1))
+        normals, uv = cross(*s.grid_tangents(u, v)), pairs_of(u, v)
+        areas = norms(normals).ravel()
+        signed = areas * np.sign((normals * outward.grid_points(u, v)).sum(axis=2)).ravel()
         if self.lines.region is not None:
             signed[~self.lines.region(s.points(uv))] = np.inf
         least = int(signed.argmin())

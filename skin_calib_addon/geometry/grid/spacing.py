@@ -76,6 +76,7 @@ def even_map(heights: Heights) -> SpacingMap:
     return np.array((0.0, 1.0)), np.array(heights.edges)
 
 
+@lru_cache(maxsize=64)
 def density_map(heights: Heights, spacing: str) -> SpacingMap:
     r"""Return the spacing whose density is the arc length, or a power of the curvature, of the mean curve.
 
@@ -118,20 +119,22 @@ def best_positions(heights: Heights, count: int, degree: int, draft: bool = Fals
     spans = np.arange(count) / count if heights.closed else greville(clamped_knots(count, degree), degree)
     maps = [even_map(heights), density_map(heights, "curvature")]
     shifts = (0.0, 0.5 / count) if heights.closed else (0.0,)
-    starts = [np.interp(spans + shift, *spacing) for spacing in maps for shift in shifts]
-    even = starts[0]
-    spacing = min(maps, key=lambda spacing: heights.error(np.interp(spans, *spacing), degree))
+    starts = [np.interp(spans + shift, *spacing) for shift in shifts for spacing in maps]
+    errors = [heights.error(start, degree) for start in starts]
+    even, before = starts[0], errors[0]
+    spacing = maps[int(np.argmin(errors[:2]))]
     for _ in range(EQUALIZING_ROUNDS):
         spacing = equalized(spacing, heights.span_errors(np.interp(spans, *spacing), degree), heights.closed)
     starts.append(np.interp(spans, *spacing))
+    errors.append(heights.error(starts[-1], degree))
     if not heights.bends:
         if draft:
-            starts = [min(starts, key=lambda start: heights.error(start, degree))]
+            starts = [starts[int(np.argmin(errors))]]
         starts = [refined(heights, start, degree, DRAFT_MOVES if draft else MAX_MOVES) for start in starts]
-    best = min(starts, key=lambda start: heights.error(start, degree))
+        errors = [heights.error(start, degree) for start in starts]
+    least = int(np.argmin(errors))
     rounding = float(np.finfo(np.float32).eps * np.abs(heights.values).mean())  # of vertices in mesh files
-    before, after = (heights.error(positions, degree) for positions in (even, best))
-    return locked(best if after < MAX_ERROR_RATIO * before - rounding else even)
+    return locked(starts[least] if errors[least] < MAX_ERROR_RATIO * before - rounding else even)
 
 
 def equalized(spacing: SpacingMap, energy: Array, closed: bool) -> SpacingMap:
@@ -156,11 +159,13 @@ def refined(heights: Heights, positions: Array, degree: int, moves: int) -> Arra
     free = slice(None) if heights.closed else slice(1, -1)
     residuals, change = heights.residual_slopes(positions, degree)
     damping = INITIAL_DAMPING
-    for _ in range(moves if residuals.any() else 0):
+    for _ in range(moves):
         gram = change[:, free].T @ change[:, free]
+        if not np.trace(gram) > 0:  # as on a plane
+            break
         gram[np.diag_indices_from(gram)] += damping * np.trace(gram) / len(gram)
         step = np.zeros(len(positions))
-        step[free] = -np.linalg.lstsq(gram, residuals @ change[:, free], rcond=None)[0]
+        step[free] = -np.linalg.solve(gram, residuals @ change[:, free])
         after = limited_move(positions, positions + step, heights.edges, heights.closed)
         left, changed = heights.residual_slopes(after, degree)
         before, now = residuals @ residuals, left @ left

@@ -14,11 +14,10 @@ from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh
 from skin_calib_addon.proposal import skins
 from skin_calib_addon.proposal.link_points import LinkPoints
 from skin_calib_addon.proposal.links import plan_path
-from skin_calib_addon.proposal.proposal import propose_link
 from skin_calib_addon.proposal.skins import parse_skin, skin_on
 from skin_calib_addon.proposal.surfaces import bounded_region, propose_surfaces
 from skin_calib_addon.proposal.trial import opened
-from tests.shapes import box, sheet
+from tests.shapes import sheet
 
 UP = np.array((0.0, 0.0, 1.0))
 Z_AXIS = Axis((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
@@ -61,13 +60,6 @@ def test_narrow_parts_next_to_wide_ones_are_inside_the_boundary(width, stays):
     assert found.covered[end].mean() == pytest.approx(0.8 if stays else 0.0, abs=0.2)
 
 
-@pytest.mark.parametrize(("size", "count"), [((0.016, 0.03), 0), ((0.018, 0.03), 1)])
-def test_surface_of_5_cm2_is_proposed(size, count):
-    """A plate of 4.8 cm^2 has none, one of 5.4 cm^2 has one."""
-    mesh = plate(*size)
-    assert len(propose_surfaces(mesh, LinkPoints.of(mesh))) == count
-
-
 @pytest.mark.parametrize(("degrees", "is_sector"), [(5.9, False), (6.1, True)])
 def test_sector_continues_3_degrees_beyond_its_part_of_a_tube(degrees, is_sector):
     """A part with a gap of less than both is a full turn."""
@@ -80,14 +72,6 @@ def test_sector_continues_3_degrees_beyond_its_part_of_a_tube(degrees, is_sector
     assert isinstance(region, Sector) == is_sector
     if is_sector:
         assert np.rad2deg(region.stop - region.start) == pytest.approx(360 - degrees + 2 * 3, abs=0.01)
-
-
-@pytest.mark.parametrize(("area", "is_enough"), [(29.5e-4, False), (30.5e-4, True)])
-def test_link_with_30_cm2_gets_skin(area, is_enough):
-    """A cube."""
-    side = float(np.sqrt(area / 6))
-    proposal = propose_link("a", box((0, 0, 0), 3 * (side,)), Path("a.ply"), "m", parse_skin("hexagons:8mm"))
-    assert (not proposal.reasons[-1].startswith("Less than 30 cm^2")) == is_enough
 
 
 @pytest.mark.parametrize(("length", "is_kept"), [(100, True), (101, False)])

@@ -29,17 +29,16 @@ from skin_calib_addon.proposal.surfaces import MIN_AREA, Tried, best_of, fitted,
 from skin_calib_addon.proposal.trial import Start
 from skin_calib_addon.robot.keep_out import KeepOut
 from skin_calib_addon.robot.urdf import Joint, Robot
+from tests.examples import slow
 from tests.shapes import box, cylinder, hinged_planes, sheet, subdivided, together, welded
 
-RADIUS, LENGTH = 0.03, 0.12
+RADIUS, LENGTH = 0.025, 0.06
 
 
 def block():
     """A box of 100 x 80 x 60 mm with faces of a few millimetres."""
     mesh = box((0, 0, 0), (0.1, 0.08, 0.06))
-    for _ in range(3):
-        mesh = subdivided(mesh)
-    return welded(mesh)
+    return welded(subdivided(subdivided(mesh)))
 
 
 def test_area_is_that_which_skins_cover():
@@ -48,15 +47,16 @@ def test_area_is_that_which_skins_cover():
     on = LinkPoints.of(mesh)
     found = propose_surfaces(mesh, on)
     covered = np.any([surface.covered for surface in found], axis=0)
-    near = np.min([footpoints(surface.fit.error_field.surface, on.points)[1] for surface in found], axis=0)
-    assert covered.any() and near[covered].max() < 1.05e-3
+    points = on.points[covered][::9]
+    near = np.min([footpoints(surface.fit.error_field.surface, points)[1] for surface in found], axis=0)
+    assert near.max() < 1.05e-3
     assert on.areas[covered].sum() < 0.75 * on.areas[on.covered].sum()
 
 
 @pytest.fixture(scope="module")
 def tube():
     """A tube with closed ends."""
-    return subdivided(welded(trimesh.creation.cylinder(RADIUS, LENGTH, sections=64)))
+    return subdivided(welded(trimesh.creation.cylinder(RADIUS, LENGTH, sections=48)))
 
 
 def proposed(mesh, tmp_path, skin="hexagons:8mm"):
@@ -212,13 +212,13 @@ def test_what_is_in_front_is_cut_away_where_most_area_is_behind():
 def test_what_is_not_free_stays_uncovered(tube):
     """A band of the tube is taken by another link: no taxel is there."""
     on = LinkPoints.of(tube)
-    taken = np.abs(on.points[:, 2]) < 0.02
+    taken = np.abs(on.points[:, 2]) < 0.012
     on.free[taken] = False
     for proposed in propose_surfaces(tube, on):
         uv = np.random.default_rng(0).random((4000, 2))
         inside = proposed.fit.surface.points(uv[proposed.fit.is_trusted(uv)])
         if proposed.reason.startswith("tube"):
-            assert (np.abs(inside[:, 2]) > 0.02 - 0.004).all()
+            assert (np.abs(inside[:, 2]) > 0.012 - 0.004).all()
     assert not on.covered[taken].any()
 
 
@@ -242,14 +242,14 @@ def test_proposal_is_a_plan_that_can_be_carried_out(tube, tmp_path, skin):
     assert not [w for w in result.calibration.warnings if w.severity == "error"]
 
 
-@pytest.mark.parametrize("every", [1, 3])
-def test_faces_back_to_back_count_once(tmp_path, every):
-    """They had twice the area, and no board was parallel to the normal of the second one."""
-    mesh = block()
-    doubled = weld(mesh.vertices, np.concatenate((mesh.faces, mesh.faces[::every, ::-1])))
-    plain, found = proposed(mesh, tmp_path), proposed(doubled, tmp_path)
-    assert (found.seen, found.free, found.cells) == pytest.approx((plain.seen, plain.free, plain.cells))
-    assert found.cells > 0.5 * found.free
+def test_faces_back_to_back_count_once(tmp_path):
+    """They had twice the area, and no board was parallel to the normal of the second one: all of them, or a third."""
+    mesh = welded(subdivided(subdivided(box((0, 0, 0), (0.06, 0.05, 0.008)))))
+    doubled = (np.concatenate((mesh.faces, mesh.faces[::every, ::-1])) for every in (1, 3))
+    plain, *others = (proposed(weld(mesh.vertices, faces), tmp_path) for faces in (mesh.faces, *doubled))
+    for found in others:
+        assert (found.seen, found.free, found.cells) == pytest.approx((plain.seen, plain.free, plain.cells))
+    assert plain.cells > 0.5 * plain.free
 
 
 def test_points_next_to_a_surface_are_taken():
@@ -303,7 +303,7 @@ def test_link_without_free_area_gets_a_reason(tmp_path):
     assert proposal.plan is None and proposal.reasons[-1].startswith("Less than 30 cm^2")
 
 
-@pytest.mark.parametrize("length, is_named", [(0.1, True), (0.075, True), (0.03, False)])
+@pytest.mark.parametrize("length, is_named", [(0.1, True), (0.075, True), slow(0.03, False)])
 def test_links_that_cover_most_of_a_link_are_named(length, is_named, tmp_path):
     """A plate of 100 x 50 x 8 mm between two that cover a part of both its faces, 5 mm away; its edges have 24 cm^2."""
     plate, other = box((0, 0, 0), (0.1, 0.05, 0.008)), box((0, 0, 0), (length, 0.05, 0.008))
@@ -383,7 +383,7 @@ URDF = """<robot name="arm">
   <link name="lower"><visual><geometry><mesh filename="upper.ply"/></geometry></visual></link>
   <link name="lost"><visual><geometry><mesh filename="lost.ply"/></geometry></visual></link>
   <link name="tool"/>
-  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 0.124"/>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 0.064"/>
     <axis xyz="0 1 0"/><limit lower="-0.1" upper="0.1" effort="1" velocity="1"/></joint>
   <joint name="end" type="fixed"><parent link="lower"/><child link="tool"/></joint>
   <joint name="other" type="fixed"><parent link="lower"/><child link="lost"/></joint>
@@ -395,7 +395,7 @@ def test_totals_are_of_the_plans_that_are_made(tube, tmp_path, capsys):
     save_mesh(tube, tmp_path / "upper.ply")
     urdf, plans = tmp_path / "arm.urdf", tmp_path / "plans"
     urdf.write_text(URDF.replace('"upper"', '"b[1]*x"'))
-    words = ["propose", str(urdf), "-o", str(plans), "--except", "lost"]
+    words = ["propose", str(urdf), "-o", str(plans), "--except", "lost", "--skin", "sheet:2x3x8mm"]
     assert main([*words, "--only", "b[1]*x"]) == 0
     assert "1 link, 1 plan; surfaces with skin cover" in capsys.readouterr().out
     assert main(words) == 0
@@ -439,18 +439,6 @@ def test_robot_without_any_mesh_states_why(tmp_path, capsys, call):
     assert "3 links, 0 plans" in said.out
 
 
-@pytest.mark.slow
-def test_robot_is_proposed_and_fitted_by_one_command(tube, tmp_path, capsys):
-    """``fit --propose`` writes plans, calibrations and robot.json to one folder."""
-    save_mesh(tube, tmp_path / "upper.ply")
-    urdf, out = tmp_path / "arm.urdf", tmp_path / "robot"
-    urdf.write_text(URDF)
-    assert main(["fit", str(urdf), "--propose", "-o", str(out), "--except", "lost"]) == 0
-    assert {"robot.json", "upper.plan.json", "lower.calibration.json"} <= {p.name for p in out.iterdir()}
-    assert main(["check", str(out)]) == 0
-    assert json.loads((out / "robot.json").read_text())["robot"] == "arm"
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -479,9 +467,9 @@ def test_blender_keeps_the_directions_of_a_proposal(tube):
 
 
 def test_stated_area_is_that_of_surfaces_with_skin(tmp_path):
-    """Boards of 38 mm fit on the two largest faces of a box only: those alone count as covered."""
-    proposal = proposed(block(), tmp_path, "hexagons:38mm")
+    """Boards of 20 mm fit on the two largest faces of a box only: those alone count as covered."""
+    proposal = proposed(welded(subdivided(box((0, 0, 0), (0.06, 0.05, 0.03)))), tmp_path, "hexagons:20mm")
     assert len(proposal.plan.surfaces) == 2 and "left out" in " ".join(proposal.reasons)
-    assert 0.75 * 2 * 0.1 * 0.08 < proposal.covered <= 2 * 0.1 * 0.08
-    assert proposal.cells == pytest.approx(2 * 1.5 * 3**0.5 * 0.038**2, rel=1e-6)
+    assert 0.75 * 2 * 0.06 * 0.05 < proposal.covered <= 2 * 0.06 * 0.05
+    assert proposal.cells == pytest.approx(2 * 1.5 * 3**0.5 * 0.02**2, rel=1e-6)
     assert f"cover {proposal.covered * 1e4:.0f} cm^2" in proposal.reasons[-1]

@@ -156,7 +156,7 @@ def test_two_oblique_joints_agree_with_many_positions(link, other, second):
     points, face, _ = sample_faces(mesh := box(*SHAPES[link]), 6e-3)
     normals = mesh.face_normals[face]
     balls, least = points + CLEARANCE / 2 * normals, np.full(len(points), np.inf)
-    for q in product(np.linspace(-1.0, 0.7, 60), np.linspace(*limits, 60)):
+    for q in product(np.linspace(-1.0, 0.7, 40), np.linspace(*limits, 40)):
         poses = link_poses(arm, {"1": q[0], "2": q[1]})
         move = np.linalg.inv(poses[other]) @ poses[link]
         least = np.minimum(least, box_distance(balls @ move[:3, :3].T + move[:3, 3], *SHAPES[other]))

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -29,10 +30,11 @@ JOINT = (
 MM = "0.001 -0.001 0.001"
 
 
-@pytest.fixture
-def robot(tmp_path):
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
     """A robot whose arm is a mirrored tube, and whose hand is a DAE file, with a skin on each; fitted into ``out``."""
     pytest.importorskip("collada")
+    tmp_path = tmp_path_factory.mktemp("robot")
     (tmp_path / "bot" / "meshes").mkdir(parents=True)
     (tmp_path / "out").mkdir()
     tube = cylinder(around=24, along=8)
@@ -54,6 +56,12 @@ def robot(tmp_path):
         write_plan(tmp_path / "bot", link, link=link, mesh="bot.urdf", skins=skins)
     assert main(["fit", str(tmp_path / "bot" / "bot.urdf"), "-o", str(tmp_path / "out")]) == 0
     return tmp_path
+
+
+@pytest.fixture
+def robot(fitted, tmp_path):
+    """A copy of it, which the test may change."""
+    return shutil.copytree(fitted, tmp_path, dirs_exist_ok=True)
 
 
 def export(robot, capsys, *words):

@@ -193,12 +193,6 @@ def test_cause_is_a_step():
     assert caught.value.numbers["achievable"] > 4e-4
 
 
-def test_cause_are_facets():
-    """A tube of 96 sides."""
-    with pytest.raises(UnreachableTolerance, match="because the mesh is faceted. Increase the tolerance, or refine"):
-        fit_to_tolerance(cylinder(around=96), 1e-6, axis=Z_AXIS, margin=0.002)
-
-
 @pytest.mark.slow
 def test_cause_are_parts():
     """A cover of four loose shells about a shaft: no curve is the outer one."""

@@ -42,6 +42,8 @@ def test_facets_explain_a_distance_of_two_sagittas(ratio, cause):
 class Predictor:
     """Nets of ten lines, each with the next of some errors."""
 
+    measure = "mean"
+
     def __init__(self, errors):
         self.errors, self.fitted = errors, 0
 
@@ -60,15 +62,28 @@ def test_larger_nets_are_fitted_while_they_reduce_the_error_by_a_fifth(errors, f
     """Of the mean; none of them is within the tolerance."""
     predictor = Predictor(errors)
     monkeypatch.setattr(auto, "error_of", lambda *_: errors[predictor.fitted - 1])
-    search = Search(predictor, 1e-9, "mean", 0.01)
+    search = Search(predictor, 1e-9, 0.01)
     search.enlarge()
     assert search.best is None and len(search.nets) == predictor.fitted == fitted
 
 
+@pytest.mark.parametrize("area, meters, is_usable", [(0.1, 0.01, True), (-0.01, 0.01, False), (0.1, 0.03, False)])
+def test_surface_that_folds_or_is_far_somewhere_meets_no_tolerance(area, meters, is_usable, monkeypatch):
+    """Its mean is within the tolerance; 20 mm are allowed somewhere."""
+    monkeypatch.setattr(auto, "maximum_deviation", lambda *_: (meters, None))
+    monkeypatch.setattr(auto, "error_of", lambda *_: 1e-4)
+    fit = SurfaceFit(*[None] * 3, SimpleNamespace(size=16), *[None] * 5)
+    predictor = SimpleNamespace(measure="mean", fit=lambda size: fit)
+    monkeypatch.setattr(SurfaceFit, "smallest_area", area)
+    search = Search(predictor, 5e-4, 0.02)
+    search.fit((4, 4))
+    assert (search.best is not None) == is_usable
+
+
 def test_fits_that_more_planes_do_not_improve_blame_the_lines():
     """Twice the planes leave the same error: only the factor of the lines stays near one."""
-    predictor = SimpleNamespace(parts=lambda size: (size[0] ** -2.0, size[1] ** -2.0))
-    search = Search(predictor, 8e-3, "mean", 0.01)
+    predictor = SimpleNamespace(parts=lambda size: (size[0] ** -2.0, size[1] ** -2.0), measure="mean")
+    search = Search(predictor, 8e-3, 0.01)
     search.tried = {(n, 10): (1e-2, None) for n in (10, 20)}
     along, across = search.factors()
     assert along < 0.5 * across and across == pytest.approx(1, abs=0.2)

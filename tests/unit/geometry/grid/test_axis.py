@@ -251,12 +251,6 @@ def test_stations_extend_as_far_as_sections_are_complete():
     assert low >= 0.01 and high <= 0.07
 
 
-def test_stations_of_a_whole_tube_extend_to_both_ends():
-    """Nothing more than half a step is given away."""
-    low, high = stations_between(cylinder(), z_frame(cylinder()), None, FULL_TURN_ANGLES)
-    assert 0 <= low <= LENGTH / 192 and LENGTH - LENGTH / 192 <= high <= LENGTH
-
-
 def test_sections_are_complete_where_every_ray_meets_them():
     """A slot opens its sections for rays over a full turn, not for rays next to it."""
     slotted = keep(cylinder(along=41), lambda c: ~((c[:, 2] > 0.05) & (c[:, 0] > 0.02)))

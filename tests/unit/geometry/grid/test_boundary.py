@@ -51,6 +51,12 @@ def test_inside_is_that_of_a_polygon(seed):
     assert Boundary.of(wrapped[:2], 2 * np.pi).contains(wrapped[2]).tolist() == expected
 
 
+def test_mean_of_a_search_is_that_of_the_report():
+    """Also where the boundary cuts cells: their parts have smaller weights."""
+    fit = fit_grid(TUBE, Grid(Sector(AXIS, None, (DISC,), start=-1.0, stop=1.0), Size(6, 9), "uniform"), (3, 3))
+    assert fit.mean_to_mesh == pytest.approx(fit.to_mesh.mean, rel=1e-12)
+
+
 def test_errors_are_measured_near_hits():
     """In a tip of the boundary at the end of the planes, the surface is extrapolated: it does not count as an error."""
     tip = ((0.01, 0.01, 0.0), (0.07, 0.01, 0.0), (0.09, 0.012, 0.0), (0.07, 0.05, 0.0), (0.01, 0.05, 0.0))

@@ -8,6 +8,7 @@ from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry import Axis, TubeGrid, fit_surface
+from skin_calib_addon.geometry.grid import curved_axis
 from skin_calib_addon.geometry.grid.curved_axis import CurvedAxis, curve_through
 from skin_calib_addon.geometry.grid.parametrizations import TubeParametrization
 from tests.shapes import Motion, cylinder, welded, wrist
@@ -55,6 +56,23 @@ def test_straight_axis_serves_where_it_can(mesh):
     """No curve where a line stays near the centres."""
     parametrization = TubeGrid(8, 16).region.parametrization(mesh)
     assert isinstance(parametrization, TubeParametrization) and not isinstance(parametrization.frame, CurvedAxis)
+
+
+def test_of_curves_that_alternate_the_one_nearest_to_its_centres_counts(monkeypatch):
+    """The centres are 0.4 mm from the second curve, and 5 mm from those before and after it."""
+    mesh, away = bent(np.pi / 2, 40, 30), iter((0.0, 5e-3, -0.4e-3, *10 * (-5e-3, 5e-3)))
+    found, sections = [], curved_axis.section_centres
+
+    def alternating(mesh, planes, fan):
+        centres, radius, whole = sections(mesh, planes, fan)
+        found.append(planes.points)
+        step = next(away)
+        return (planes.points[whole] + (0, step, 0) if step else centres), radius, whole
+
+    monkeypatch.setattr(curved_axis, "section_centres", alternating)
+    frame = TubeGrid(8, 16, Axis((0.02, 0.0, 0.0), (0.5, 0.0, 1.0))).region.parametrization(mesh).frame
+    axis = curved_axis.find_curved_axis(mesh, frame)
+    assert len(found) > 4 and np.abs(axis.points[:, 1] - 5e-3).max() < 1e-4
 
 
 def test_given_straight_axis_is_kept_on_a_bent_tube():

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skin_calib_addon import geometry
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry import (
     AcrossGrid,
@@ -56,20 +55,6 @@ def flat_planes(n=5, m=4):
         Planes(v[:, None] * (0, 1.0, 0), np.tile((0, 1.0, 0), (m, 1))),
         False,
     )
-
-
-@pytest.mark.parametrize(
-    "grid, region, size",
-    [
-        (TubeGrid(4, 8), geometry.Tube, geometry.Size),
-        (SectorGrid(4, 8, -1.0, 1.0), geometry.Sector, geometry.Size),
-        (AcrossGrid(4, 8, (0.0, 0.0, 1.0)), geometry.Across, geometry.Size),
-        (AutoGrid(1e-4), geometry.Tube, geometry.Tolerance),
-    ],
-)
-def test_kind_of_a_grid_is_the_type_of_its_region_and_size(grid, region, size):
-    """Public types distinguish what the public functions make."""
-    assert type(grid) is geometry.Grid and type(grid.region) is region and type(grid.size) is size
 
 
 def rolls(surface, count):
