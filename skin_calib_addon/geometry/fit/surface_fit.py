@@ -189,14 +189,9 @@ class SurfaceFit:
         Elsewhere the surface spans a hole.
         """
         uv = np.asarray(uv, float).reshape(-1, 2)
-        return self._is_trusted(uv, self.surface.points(uv))
-
-    def _is_trusted(self, uv: Array, points: Array) -> BoolArray:
-        known, outside = ~np.isnan(self.residuals), self.samples.outside
-        if outside is None or self.lines.region is None:
-            return is_sampled(self.surface, uv, known)
-        trusted = is_sampled(self.surface, uv, known, outside)
-        trusted[trusted] = self.lines.region(points[trusted])
+        trusted = is_sampled(self.surface, uv, ~np.isnan(self.residuals), self.samples.outside)
+        if self.lines.region is not None:
+            trusted[trusted] = self.lines.region(self.surface.points(uv[trusted]))
         return trusted
 
     def is_measured(self, uv: Array) -> BoolArray:
@@ -205,13 +200,15 @@ class SurfaceFit:
         At a boundary some of the sites around are outside, and a hit can be farther away than hits are from each other:
         in a tip of the boundary, and at its ends, where sites are sparse. There the surface is extrapolated.
         """
-        points = self.surface.points(uv)
-        counts = self._is_trusted(uv, points)
-        if self.samples.outside is not None:
-            hits = cKDTree(self.points[~np.isnan(self.residuals)])
-            near = hits.query(points[counts], distance_upper_bound=np.sqrt(2) * self._step)[0]
+        counts = self.is_trusted(uv)
+        if self.lines.region is not None:
+            near = self._hits.query(self.surface.points(uv[counts]), distance_upper_bound=np.sqrt(2) * self._step)[0]
             counts[counts] = np.isfinite(near)
         return counts
+
+    @cached_property
+    def _hits(self) -> cKDTree:
+        return cKDTree(self.points[~np.isnan(self.residuals)])
 
     @cached_property
     def condition(self) -> float:

@@ -83,6 +83,18 @@ def test_errors_leave_out_what_no_sample_met():
     assert errors_of(half, plane_surface(), np.ones((11, 9), bool))[1].max > 0.04
 
 
+def test_errors_are_largest_at_the_border_of_what_counts():
+    """The mesh rises towards the last site that met it: the maximum is there, between the samples of large facets."""
+    start = 0.097  # x + y from which it rises
+    places = np.array([(0, 0), (start, 0), (start - 0.08, 0.08), (0, 0.08), (0.1, 0), (0.1, 0.08)])
+    heights = np.maximum(places.sum(axis=1) - start, 0)
+    mesh = weld(np.column_stack((places, heights)), [(0, 1, 2), (0, 2, 3), (1, 4, 5), (1, 5, 2)])
+    known = np.zeros((11, 9), bool)
+    known[:6, :6] = True  # the sites up to x = y = 0.05
+    found, _ = errors_of(mesh, plane_surface(), known, 1)
+    assert_allclose(found.max, 0.1 - start, rtol=2e-3)
+
+
 def test_errors_of_a_closed_surface_hold_over_the_seam():
     """A cylinder: no sample at the seam is left out or measured to the wrong side."""
     fit = fit_surface(cylinder(), TubeGrid(6, 30, Z_AXIS, 0.004))
