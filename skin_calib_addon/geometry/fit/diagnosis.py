@@ -52,11 +52,6 @@ class DeviationLimits:
         return cls(warned, max(max_deviation, warned))
 
 
-def condition(basis: TensorBasis) -> float:
-    """Return the condition number of the least squares: the product of the condition numbers of its factors."""
-    return float(np.linalg.cond(basis.N) * np.linalg.cond(basis.B))
-
-
 def dropped_curves(rows: SampleRows, samples: RaySamples) -> tuple[IntArray, Array, Array]:
     """Return the curves in each row's section that the surface does not follow, such as inner walls.
 

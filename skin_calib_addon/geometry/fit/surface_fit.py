@@ -17,7 +17,7 @@ from ..sampling.lines import LineGrid
 from ..sampling.samples import RaySamples, SampleRows
 from ..surface.bspline import BSplineSurface
 from ..surface.distance import is_sampled, surface_samples
-from .diagnosis import DeviationLimits, condition, dropped_curve_warnings, dropped_curves, fit_warnings
+from .diagnosis import DeviationLimits, dropped_curve_warnings, dropped_curves, fit_warnings
 from .error_field import ErrorField, error_field
 from .error_report import MIN_COVER_COSINE, IsCover, VertexFeet, mesh_to_surface, surface_to_mesh, winding
 from .undercut import undercut_warnings
@@ -212,8 +212,8 @@ class SurfaceFit:
 
     @cached_property
     def condition(self) -> float:
-        """Return the condition number of the least squares."""
-        return condition(self.basis)
+        """Return the condition number of the least squares: the product of the condition numbers of its factors."""
+        return float(np.linalg.cond(self.basis.N) * np.linalg.cond(self.basis.B))
 
     @property
     def dropped_loops(self) -> IntArray:

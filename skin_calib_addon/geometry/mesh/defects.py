@@ -12,7 +12,7 @@ from ...common.errors import counted, listed
 from ...common.warnings import Warning
 from ..components import components
 from .outliers import without_outliers
-from .shells import is_outer, shells
+from .shells import is_outer, shells, without_doubled
 from .triangle_mesh import TriangleMesh, weld
 
 # [1] height of a face to the mesh size below which its normal is only rounding. Larger: more faces are reported as
@@ -150,12 +150,12 @@ def diagnose(vertices: Any, faces: Any) -> Diagnosis:
     on_rim = faces_at[edge] == 1
     part, seen = shells(mesh), is_outer(mesh)
     flipped, one_sided = _sides(mesh, part, half, edge, face, faces_at)
-    rims = half[on_rim]
+    rims, single = half[on_rim], without_doubled(mesh)[1]
     return Diagnosis(
         mesh=mesh,
         dropped=len(np.asarray(faces).reshape(-1, 3)) - len(mesh.faces),
-        flat=int(_is_flat(mesh).sum()),
-        doubled=_doubled(mesh.faces),
+        flat=int((2 * mesh.face_areas <= FLAT_FACE_RATIO * mesh.size * mesh.longest_sides).sum()),
+        doubled=np.bincount(single)[single] > 1,
         part=part,
         seen=seen,
         joined=_joined(len(mesh.faces), edge, face),
@@ -197,20 +197,6 @@ def edges_at(segments: Array, vertices: Array, edges: IntArray) -> BoolArray:
     wanted, given = vertex[: 2 * len(segments)].reshape(-1, 2), vertex[2 * len(segments) :][edges]
     first, second = (pair.min(axis=1) * len(points) + pair.max(axis=1) for pair in (wanted, given))
     return np.isin(second, first)
-
-
-def _is_flat(mesh: TriangleMesh) -> BoolArray:
-    return 2 * mesh.face_areas <= FLAT_FACE_RATIO * mesh.size * mesh.longest_sides
-
-
-def _doubled(faces: IntArray) -> BoolArray:
-    """Return the faces that have the corners of another face; the normals are opposite, as equal faces were merged."""
-    corners = np.sort(faces, axis=1)
-    order = np.lexsort(corners.T)
-    same = (corners[order[1:]] == corners[order[:-1]]).all(axis=1)
-    found = np.zeros(len(faces), bool)
-    found[order[1:][same]] = found[order[:-1][same]] = True
-    return found
 
 
 def _joined(faces: int, edge: IntArray, face: IntArray) -> int:
