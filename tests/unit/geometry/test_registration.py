@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.geometry import registration, weld
 from skin_calib_addon.geometry.mesh.distance import closest
-from skin_calib_addon.geometry.mesh.face_parts import split_faces
+from skin_calib_addon.geometry.mesh.visibility import sample_faces
 from skin_calib_addon.geometry.registration import (
     MAX_SKIN_THICKNESS,
     ON_MESH_DISTANCE,
@@ -21,7 +21,6 @@ from skin_calib_addon.geometry.registration import (
     verdict_of,
 )
 from tests.examples import slow
-from tests.oracles import nearest_on_triangle
 from tests.shapes import Motion, box, cylinder, sheet, together, wrist
 
 
@@ -37,7 +36,7 @@ def grid_faces(points):
 
 def on_wrist(seed=0, count=150):
     """Points on the faces of the wrist sample."""
-    points = split_faces(wrist(), 0.02 * wrist().size)[0]
+    points = sample_faces(wrist(), 0.02 * wrist().size)[0]
     return points[np.random.default_rng(seed).choice(len(points), count, replace=False)]
 
 
@@ -159,7 +158,7 @@ def test_thick_skin_stays():
 )
 def test_symmetric_links_are_ambiguous(mesh):
     """A rotation about the axis, half a turn, a translation in the plane: the verdict is ambiguous."""
-    points = split_faces(mesh, 0.02 * mesh.size)[0]
+    points = sample_faces(mesh, 0.02 * mesh.size)[0]
     points = Motion(5).points(points[:: max(1, len(points) // 120)])
     fit = find_frame(mesh, points)
     assert fit.verdict == "ambiguous"
@@ -170,7 +169,7 @@ def test_symmetric_links_are_ambiguous(mesh):
 def test_nearest_of_the_other_poses_decides(monkeypatch):
     """A cube and poses that its symmetry gives, after one that is far off: the frame is ambiguous."""
     mesh, motion = box((-0.05, -0.05, -0.05), (0.05, 0.05, 0.05)), Motion(4)
-    points = split_faces(mesh, 0.02)[0]
+    points = sample_faces(mesh, 0.02)[0]
     given = motion.points(points)
     back, centre = motion.rotation.T, points.mean(axis=0)
     quarter = Rotation.from_rotvec((0, 0, np.pi / 2)).as_matrix()
@@ -221,22 +220,13 @@ def test_cloud_of_another_link_is_refused():
 def test_slack_is_the_distance_that_a_cloud_can_slide():
     """Not at all on a box; without limit about and along a cylinder; further for larger distances."""
     block = box((0, 0, 0), (0.1, 0.05, 0.02))
-    points = split_faces(block, 0.02 * block.size)[0]
+    points = sample_faces(block, 0.02 * block.size)[0]
     assert find_frame(block, points).slack < 1e-3
     tube = cylinder()
     assert_allclose(find_frame(tube, tube.vertices).slack, 2 * np.hypot(0.05, 0.035), rtol=1e-3)
     noise = np.random.default_rng(3).normal(size=points.shape)
     slacks = [find_frame(block, points + sigma * noise).slack for sigma in (2e-4, 4e-4)]
     assert_allclose(slacks[1] / slacks[0], 2, rtol=0.1)
-
-
-def test_near_faces_are_nearly_the_nearest():
-    """Of points close to the wrist, the best of a few faces is the best of all, but for a hundredth of a spacing."""
-    points = on_wrist(count=60) + np.random.default_rng(4).normal(scale=2e-3, size=(60, 3))
-    feet, faces = SampledMesh(wrist())(points)
-    assert_allclose(np.linalg.norm(feet - points, axis=1), closest(wrist(), points)[0], rtol=0, atol=2e-5)
-    on_face = [np.linalg.norm(nearest_on_triangle(q, wrist().triangles[f]) - q) for q, f in zip(feet, faces)]
-    assert max(on_face) < 1e-12
 
 
 def test_planes_of_the_grid_lie_near():
@@ -292,7 +282,7 @@ def test_spread_points_are_far_apart():
 
 def at_heights(seed=0, thickness=0.002, noise=1e-4, count=200):
     """Points above a part of the wrist, as taxels of a skin with a thickness are."""
-    points, face, _ = split_faces(wrist(), 0.02 * wrist().size)
+    points, face, _ = sample_faces(wrist(), 0.02 * wrist().size)
     rng = np.random.default_rng(seed)
     chosen = rng.choice(len(points), count, replace=False)
     height = thickness + noise * rng.normal(size=count)
@@ -342,7 +332,7 @@ def test_nearby_motion_leaves_a_true_frame(thickness):
 
 def test_nearby_motion_does_not_slide_along_a_cylinder():
     """The link does not fix the taxels along its axis: true taxels stay, and a sideways shift is undone."""
-    points = split_faces(cylinder(), 0.02 * cylinder().size)[0]
+    points = sample_faces(cylinder(), 0.02 * cylinder().size)[0]
     points = points[np.abs(points[:, 2] - 0.05) < 0.03][::7] * (1.02, 1.02, 1)
     assert not fit_nearby(cylinder(), points).is_better
     found = fit_nearby(cylinder(), points + (0.003, 0, 0.002))

@@ -13,7 +13,7 @@ from skin_calib_addon.geometry.fit.error_report import VertexFeet, is_inside, me
 from skin_calib_addon.geometry.fit.fitting import fit_lines
 from skin_calib_addon.geometry.grid.grids import Grid, Size, Tube
 from skin_calib_addon.geometry.mesh.distance import closest
-from skin_calib_addon.geometry.mesh.face_parts import split_faces
+from skin_calib_addon.geometry.mesh.visibility import sample_faces
 from skin_calib_addon.geometry.surface.distance import is_sampled
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from tests.examples import examples
@@ -100,7 +100,7 @@ def test_errors_of_a_closed_surface_hold_over_the_seam():
     fit = fit_surface(cylinder(), TubeGrid(6, 30, Z_AXIS, 0.004))
     sagitta = RADIUS * (1 - np.cos(np.pi / 96))
     assert fit.errors.hausdorff < sagitta
-    points = split_faces(cylinder(), 0.002)[0]
+    points = sample_faces(cylinder(), 0.002)[0]
     near = (points[:, 2] > 0.01) & (points[:, 2] < LENGTH - 0.01)
     assert footpoints(fit.surface, points[near])[1].max() < sagitta
 

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from skin_calib_addon.geometry import CoverSpec, TubeGrid, cut_cover, fit_surface, load_mesh, weld
 from skin_calib_addon.geometry.fit.fitting import fit_lines
-from skin_calib_addon.geometry.mesh.face_parts import split_faces
+from skin_calib_addon.geometry.mesh.visibility import sample_faces
 from skin_calib_addon.geometry.surface.footpoints import _second_derivatives, descend, footpoints
 from tests.shapes import Z_AXIS, cylinder, plane_surface, wrist_surface
 
@@ -134,7 +134,7 @@ def test_footpoints_of_real_links_are_nearest(name):
     surface = fit_lines(
         mesh, TubeGrid(10, 40, margin=MARGINS.get(name), spacing="uniform").line_grid(mesh), (3, 3)
     ).surface
-    on_mesh = split_faces(mesh, 0.01 * mesh.size)[0]
+    on_mesh = sample_faces(mesh, 0.01 * mesh.size)[0]
     on_mesh = on_mesh[np.random.default_rng(0).choice(len(on_mesh), 20_000)]
     check_against_brute_force(surface, on_mesh)
     check_against_brute_force(surface, around_surface(surface, (-0.01, 0.002, 0.01, 0.03), 20_000, 2))
