@@ -40,9 +40,12 @@ Leg = tuple[Joint, bool]  # a joint on the path from one link to another, and wh
 
 
 class KeepOut:
-    """What of each link of a robot others cover; their fields of distances are computed once.
+    """What of each link of a robot others cover or touch in the joint ranges; their fields are computed once.
 
-    Boxes, cylinders, spheres and capsules cover their own link, too.
+    Other links are those with at most two moving joints between. Joints without limits turn fully; prismatic ones
+    without limits stay at zero. Links behind a floating or planar joint do not count. A point is also covered if the
+    link and those fixed to it hide it from most directions. Boxes, cylinders, spheres and capsules cover their own
+    link, too.
     """
 
     def __init__(self, robot: Robot, meshes: Mapping[str, TriangleMesh], clearance: float = CLEARANCE):
@@ -94,23 +97,6 @@ class KeepOut:
         if mesh not in self.fields:
             self.fields[mesh] = DistanceField(mesh, CELL_SIDE * self.radius)
         return self.fields[mesh]
-
-
-def keep_out(
-    robot: Robot,
-    meshes: Mapping[str, TriangleMesh],
-    link: str,
-    points: Array,
-    normals: Array,
-    clearance: float = CLEARANCE,
-) -> BoolArray:
-    """Return which points (k, 3) of a link are covered or touched by another one, somewhere in the joint ranges.
-
-    Other links are those with at most two moving joints between. Joints without limits turn fully; prismatic ones
-    without limits stay at zero. Links behind a floating or planar joint do not count. A point is also covered if the
-    link and those fixed to it hide it from most directions. For several links, :class:`KeepOut` is faster.
-    """
-    return KeepOut(robot, meshes, clearance)(link, points, normals)
 
 
 def paths_from(robot: Robot, link: str) -> Iterator[tuple[str, tuple[Leg, ...]]]:
