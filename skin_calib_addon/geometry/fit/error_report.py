@@ -214,7 +214,7 @@ def mesh_to_surface(
         apart = np.sqrt(mesh.face_areas.sum() / count)
         width = np.repeat(apart / np.sqrt(8 * mesh.face_areas[face, None]), 2, axis=1)
         places = points(face, at)
-        near = cKDTree(places[found[2]]).query(places, distance_upper_bound=BORDER * apart)[0] < np.inf
+        near = np.isfinite(cKDTree(places[found[2]]).query(places, distance_upper_bound=BORDER * apart)[0])
         _, best, where = largest_around(distances, face, at, width, found, largest, near)
         if where is not None:  # the search has estimates
             largest = max(largest, float(footpoints(surface, points(best[None], where[None]))[1][0]))

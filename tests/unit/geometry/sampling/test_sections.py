@@ -8,10 +8,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
-from skin_calib_addon.geometry.sampling import samples as samples_module
 from skin_calib_addon.geometry.sampling import sections as sections_module
 from skin_calib_addon.geometry.sampling.planes import Planes, perpendicular
-from skin_calib_addon.geometry.sampling.samples import framed_sections, known_sections
 from skin_calib_addon.geometry.sampling.sections import cut_sections
 from tests.oracles import cut_triangle, rim_in_plane
 from tests.shapes import LENGTH, RADIUS, Motion, box, cylinder, wrist
@@ -191,23 +189,3 @@ def test_planes_made_of_planes_are_the_same(seed):
     rng = np.random.default_rng(seed)
     planes = Planes(rng.normal(size=(20, 3)), rng.normal(size=(20, 3)))
     assert (Planes(planes.points, planes.normals).normals == planes.normals).all()
-
-
-def test_known_sections_are_those_of_all_planes():
-    """After a plane moves, only it is cut again; the result is that of all planes."""
-    mesh, axes = wrist(), np.array((((1.0, 0, 0), (0, 1.0, 0)),))
-    cut = []
-    with mock.patch.object(samples_module, "cut_sections", lambda *a: cut.append(len(a[1])) or cut_sections(*a)):
-        for heights in ((0.02, 0.05, 0.08), (0.02, 0.06, 0.08), (0.06, 0.05)):
-            planes = level(heights)
-            found, ends = known_sections(mesh, planes, axes)
-            expected, expected_ends = framed_sections(mesh, planes, axes)
-            assert (found.plane == expected.plane).all() and (found.face == expected.face).all()
-            assert (found.ends == expected.ends).all() and (ends == expected_ends).all()
-    assert cut == [3, 3, 1, 3, 2]
-    planes = level((0.02, 0.05))
-    turned = Planes(planes.points, planes.normals + ((0, 0, 0), (0.1, 0, 0)))
-    frames = np.repeat(axes, 2, axis=0)
-    for family, of in ((planes, axes), (turned, frames)):  # the same plane has coordinates of another kind
-        found, expected = (cut(mesh, family, of) for cut in (known_sections, framed_sections))
-        assert (found[0].ends == expected[0].ends).all() and (found[1] == expected[1]).all()
