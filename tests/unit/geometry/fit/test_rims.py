@@ -62,14 +62,6 @@ def test_tube_without_margin_is_fitted_up_to_its_rims(mesh, turned):
         assert abs((edge[0] - end) @ along) < 1e-7
 
 
-@pytest.mark.parametrize("tilt", [0.0, 0.1])
-@pytest.mark.parametrize("turned", [None, 5])
-def test_placed_planes_on_the_rims_pass(tilt, turned):
-    """Parallel planes, and planes of which the inner ones are tilted."""
-    motion = Motion.none() if turned is None else Motion(turned)
-    assert_is_complete(fit_surface(motion.mesh(cylinder()), tube_planes(motion, tilt)), 4e-5)
-
-
 def test_sector_is_fitted_up_to_all_four_rims():
     """Half a tube, without a margin, to the angles of its straight rims."""
     assert_is_complete(fit_surface(half_tube(), SectorGrid(6, 12, -HALF, HALF, Z_AXIS, 0.0)))

@@ -17,19 +17,16 @@ from skin_calib_addon.geometry.sampling.basis import TensorBasis
 from skin_calib_addon.geometry.sampling.samples import SampleRows
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from tests.examples import slow
-from tests.oracles import best_step, cast_on_mesh, distance_to_mesh
+from tests.oracles import best_step, cast_on_mesh
 from tests.shapes import (
     LENGTH,
     RADIUS,
     Z_AXIS,
-    Motion,
-    box,
     cone,
     cylinder,
     keep,
     sheet,
     subdivided,
-    together,
     weld,
     welded,
     with_hole,
@@ -82,15 +79,6 @@ def test_cylinder_is_exact_to_its_facets(degree):
 def test_cone_is_exact_to_its_facets(grid, ends):
     """An axis found or given, running to the thinner end or not; planes even or not."""
     assert_lies_on_tube(fit_surface(cone(*ends), grid), *ends, 1e-4)
-
-
-def test_facets_are_all_that_keeps_the_surface_from_the_truth():
-    """Twice as many facets leave a quarter of the error."""
-    errors = []
-    for around in (48, 96, 192):
-        points = fit_surface(cylinder(around=around), TubeGrid(6, 40, Z_AXIS)).surface.points(UV)
-        errors.append(np.abs(np.linalg.norm(points[:, :2], axis=1) - RADIUS).mean())
-    assert_allclose(np.divide(errors[:-1], errors[1:]), 4, rtol=0.05)
 
 
 def test_small_nets_are_still_least_squares():
@@ -234,12 +222,6 @@ def test_residuals_are_distances_along_the_sample_rays():
         assert abs(fit.residuals[i, j] - (met - length)) < 1e-4 * mesh.size
 
 
-def test_complete_tube_misses_no_sample():
-    """Planes through rings of vertices and lines through rows of them: not one ray slips through a joint."""
-    for n, lines, margin in ((26, 48, 0.004), (10, 20, 1e-9), (6, 12, 0.02), (11, 24, 0.01)):
-        assert fit_surface(cylinder(), TubeGrid(n, lines, Z_AXIS, margin)).missing == 0
-
-
 @pytest.mark.parametrize("hole", [0.008, 0.015])
 def test_holes_are_spanned_and_counted(hole):
     """The fraction of missing samples is that of the hole, and the surface continues over it as if it were not."""
@@ -271,34 +253,6 @@ def test_few_lines_do_not_keep_step_with_facets(lines):
     circle = 4 / (9 * np.sqrt(3)) * RADIUS * (1 - np.cos(np.pi / 48))  # of mean height over the arcs: parabolas
     assert left < 1.1 * circle
     assert_allclose(fit.errors.surface_to_mesh.mean, left, rtol=0.15)  # nor do the points where errors are measured
-
-
-def test_inner_parts_are_not_fitted():
-    """A box inside the tube, uncut: the outermost crossing counts, to the same surface as without the box."""
-    inner = box((-0.01, -0.01, 0.03), (0.012, 0.011, 0.071))
-    grid = TubeGrid(8, 16, Z_AXIS, 0.004)
-    net, again = (fit_surface(m, grid).surface.control_net for m in (cylinder(), together(cylinder(), inner)))
-    assert_allclose(again, net, rtol=0, atol=1e-9)
-
-
-def test_errors_are_distances_to_the_mesh():
-    """Surface to mesh against brute force, on a mesh small enough for it; Hausdorff is the larger maximum."""
-    mesh = weld(*decimated())
-    fit = fit_surface(mesh, TubeGrid(5, 8, Z_AXIS, 0.01, "uniform"))
-    errors = fit.errors
-    distances = [distance_to_mesh(p, mesh.triangles) for p in fit.surface.points(UV[:80])]
-    assert_allclose(errors.surface_to_mesh.mean, np.mean(distances), rtol=0.2)
-    assert max(distances) < 1.2 * errors.surface_to_mesh.max
-    assert errors.hausdorff == max(errors.surface_to_mesh.max, errors.mesh_to_surface.max)
-    for statistics in (errors.surface_to_mesh, errors.mesh_to_surface):
-        assert 0 < statistics.mean <= statistics.rms <= statistics.max
-
-
-def test_wrist_is_fitted_to_a_hundredth_of_a_millimetre():
-    """The sample at 10 x 10: errors in both directions."""
-    errors = fit_surface(wrist(), TubeGrid(10, 20, margin=0.002)).errors
-    assert errors.surface_to_mesh.mean < 1.3e-5 and errors.surface_to_mesh.max < 1.1e-4
-    assert errors.mesh_to_surface.mean < 1.3e-5 and errors.mesh_to_surface.max < 1.1e-4
 
 
 @pytest.mark.parametrize(
@@ -381,14 +335,6 @@ def test_mesh_that_is_mostly_missing_at_the_last_is_refused():
     assert np.isnan(first.residuals).mean() < 0.5
     with pytest.raises(EmptySection, match="51% of the sample rays do not hit the mesh"):
         fit_surface(torn, grid)
-
-
-def test_fit_keeps_what_it_was_made_from():
-    """Mesh and lines stay with the surface, for reports."""
-    mesh, motion = cylinder(), Motion(4)
-    fit = fit_surface(motion.mesh(mesh), TubeGrid(6, 12, motion.axis(Z_AXIS)))
-    assert fit.lines.origins.shape == (6, 12, 3) and fit.mesh.sha256 == motion.mesh(mesh).sha256
-    assert 1 <= fit.iterations <= 10
 
 
 def test_oscillating_iterations_end_early(monkeypatch):

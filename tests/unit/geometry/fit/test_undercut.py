@@ -75,27 +75,6 @@ def test_undercut_is_a_warning_with_its_place(lines, turned):
     assert f"{warning.value * 1e3:.2f} mm" in warning.message and "half-plane at" in warning.message
 
 
-def test_undercut_in_half_of_a_tube_is_found():
-    """Lobes that lean over above 50 mm only: some sections fold back, and the warning names one of them."""
-
-    def point(angle, height):
-        swing = 1.25 * np.clip(6 * (height - 0.5), 0, 1)
-        phi, radius = angle + swing / 5 * np.sin(5 * angle), 0.035 + 0.004 * np.cos(5 * angle + 1.2)
-        return np.column_stack((radius * np.cos(phi), radius * np.sin(phi), 0.1 * height))
-
-    fit = fit_surface(welded(tube_mesh(point, 240, 31)), TubeGrid(8, 20, Z_AXIS, 0.002))
-    assert 0 < fit.samples.folds.sum() < len(fit.samples.folds)
-    (warning,) = undercuts(fit)
-    assert warning.where.point[2] > 0.05
-
-
-@pytest.mark.parametrize("swing, is_warned", [(1.015, False), (1.03, True)])
-def test_undercut_of_more_than_two_tenths_of_a_millimetre_gives_a_warning(swing, is_warned):
-    """The folded parts are 0.17 and 0.27 mm from the surface."""
-    fit = fit_surface(lobed(swing), TubeGrid(5, 40, Z_AXIS, 0.002))
-    assert fit.samples.folds.any() and bool(undercuts(fit)) == is_warned
-
-
 @pytest.mark.parametrize("mesh", [lobed(0.95), cylinder(), wrist(), cone()])
 def test_star_shaped_sections_have_no_undercut(mesh):
     """Lobes that do not lean over, and plain tubes."""
