@@ -87,28 +87,6 @@ def test_paper_wrist_takes_the_sheet():
     assert np.abs(taxels.quality["strain"]).max() < 0.05
 
 
-SEEN_LINKS = [path for path in MESHES if "light" not in path.stem and "collision" not in path.stem]
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("path", SEEN_LINKS, ids=lambda path: path.stem)
-def test_what_is_seen_of_a_real_link_is_fitted_or_refused(path):
-    """It is part of the mesh, and contains what is outermost; the fit ends with a surface or with an error."""
-    mesh = load_mesh(path)
-    cover = cut_cover(mesh, CoverSpec("seen"))
-    corners = {triangle.tobytes() for triangle in mesh.triangles}
-    assert all(triangle.tobytes() in corners for triangle in cover.triangles)
-    np.testing.assert_allclose(cover.vertices.max(axis=0), mesh.vertices.max(axis=0), atol=0.01 * mesh.size)
-    np.testing.assert_allclose(cover.vertices.min(axis=0), mesh.vertices.min(axis=0), atol=0.01 * mesh.size)
-    grid = AcrossGrid(8, 8, FACES[path.stem]) if path.stem in FACES else TubeGrid(8, 20)
-    try:
-        fit = fit_surface(cover, grid)
-    except SkinCalibError as error:
-        assert len(str(error)) > 20
-        return
-    assert fit.errors.surface_to_mesh.max < 0.01
-
-
 def test_errors_of_a_link_leave_out_what_is_hidden():
     """The mean from the mesh to the surface of the iCub's upper arm is at most a third of that with inner walls."""
     mesh = load_mesh(DATA / "icub27_r_upper_arm.stl")

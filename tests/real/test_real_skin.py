@@ -197,17 +197,3 @@ def test_flat_sole_has_no_unique_frame():
     points = read_taxels(TAXELS / "pycub_left_foot.csv").positions
     fit = find_frame(mesh, Motion(0).points(points))
     assert fit.verdict == "ambiguous" and fit.after.mean < 0.1e-3
-
-
-def test_boards_keep_their_pitch_and_ports():
-    """A patch of three: 27.75 mm from port to port, few degrees of tilt, complete frames, a neighbour in another
-    patch.
-    """
-    taxels = read_taxels(TAXELS / "raw" / "tum_patch2.xml")
-    assert taxels.labels == ("5", "6", "7") and taxels.neighbours == (("6",), ("5", "7"), ("6",))
-    steps = np.linalg.norm(np.diff(taxels.positions, axis=0), axis=1)
-    assert_allclose(steps, 27.76e-3, rtol=0, atol=0.03e-3)
-    tilt = np.rad2deg(np.arccos((taxels.normals[1:] * taxels.normals[:-1]).sum(axis=1)))
-    assert (tilt < 6.3).all()
-    assert_allclose((taxels.normals * taxels.tangents).sum(axis=1), 0, rtol=0, atol=1e-9)
-    assert {f.code: f.value for f in taxels.findings} == {"unknown-neighbour": 1}

@@ -122,6 +122,7 @@ def brute_force(fit, number):
         found.append((closest(fit.mesh, r[0, 0])[0], np.linalg.norm(np.cross(r[1, 0], r[0, 1]), axis=1)))
     there = np.average(found[0][0], weights=found[0][1]), max(part.max(initial=0) for part, _ in found)
     mesh, is_cover = fit._mesh_inside
+    number //= 3  # footpoints take long
     face = rng.choice(len(mesh.faces), number, p=mesh.face_areas / mesh.face_areas.sum())
     inner = np.einsum("kc,kcd->kd", rng.dirichlet(np.ones(3), number), mesh.triangles[face])
     corners = mesh.triangles.reshape(-1, 3)  # as of the face that they belong to
