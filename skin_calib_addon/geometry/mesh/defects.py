@@ -149,7 +149,7 @@ def diagnose(vertices: Any, faces: Any) -> Diagnosis:
     edges = np.column_stack(np.divmod(numbers, len(mesh.vertices)))
     on_rim = faces_at[edge] == 1
     part, seen = shells(mesh), is_outer(mesh)
-    flipped, one_sided = _sides(mesh, part, half, edge, face, faces_at)
+    flipped, one_sided = _sides(mesh, part)
     rims, single = half[on_rim], without_doubled(mesh)[1]
     return Diagnosis(
         mesh=mesh,
@@ -174,8 +174,7 @@ def coherent(mesh: TriangleMesh) -> TriangleMesh:
     """Return a mesh whose faces are wound as most of their part; the same mesh if all are."""
     if not mesh.disagreeing.any():
         return mesh
-    half, face, _, edge, faces_at = _edges(mesh)
-    flipped, _ = _sides(mesh, shells(mesh), half, edge, face, faces_at)
+    flipped, _ = _sides(mesh, shells(mesh))
     if not flipped.any():
         return mesh
     return TriangleMesh(mesh.vertices, np.where(flipped[:, None], mesh.faces[:, ::-1], mesh.faces))
@@ -213,19 +212,14 @@ def _holes(vertices: int, rims: IntArray) -> IntArray:
     return np.unique(labels, return_inverse=True)[1].astype(np.int64)
 
 
-def _sides(
-    mesh: TriangleMesh, part: IntArray, half: IntArray, edge: IntArray, face: IntArray, faces_at: IntArray
-) -> tuple[BoolArray, int]:
+def _sides(mesh: TriangleMesh, part: IntArray) -> tuple[BoolArray, int]:
     """Return which faces have a normal opposite to most of their part (by area), and the number of one-sided parts.
 
     Adjacent faces agree if they traverse their edge in opposite directions. Each face has two nodes: as it is, and
     reversed. Nodes that agree are connected. A part whose two nodes are connected to each other has one side only.
     """
     n = len(mesh.faces)
-    order = np.argsort(edge, kind="stable")
-    order = order[faces_at[edge[order]] == 2].reshape(-1, 2)
-    one, other = face[order[:, 0]], face[order[:, 1]]
-    against = half[order[:, 0], 0] == half[order[:, 1], 0]
+    (one, other), against = mesh.adjacency, mesh.disagreeing
     first = np.concatenate((one, one + n))
     second = np.concatenate((other + n * against, other + n * ~against))
     label = components(2 * n, first, second)
