@@ -87,12 +87,9 @@ def site_tangents(points: Array, closed: bool) -> Array:
 
 def in_basis(a: Array, b: Array, displacements: Array) -> tuple[Array, Array]:
     """Return the components of displacements along two tangents."""
-    return solve_metric(a, b, (displacements * a).sum(axis=1), (displacements * b).sum(axis=1))
-
-
-def solve_metric(a: Array, b: Array, by_a: Array, by_b: Array) -> tuple[Array, Array]:
-    """Return the components along two tangents of vectors with given scalar products."""
-    aa, ab, bb = ((x * y).sum(axis=1) for x, y in ((a, a), (a, b), (b, b)))
+    aa, ab, bb, by_a, by_b = (
+        (x * y).sum(axis=1) for x, y in ((a, a), (a, b), (b, b), (displacements, a), (displacements, b))
+    )
     area = aa * bb - ab**2
     return (bb * by_a - ab * by_b) / area, (aa * by_b - ab * by_a) / area
 

@@ -235,7 +235,7 @@ class SurfaceFit:
         about = fit_warnings(self.mesh, *parts, *self._smallest_area, self.movement, self.limits, worst)
         found = [*self.outliers, *about]
         if self.lines.region is None:  # with a boundary, what is next to or below the surface is left out on purpose
-            found += dropped_curve_warnings(self.lines, self.basis, self._dropped_curves)
+            found += dropped_curve_warnings(self.basis, self._dropped_curves)
             found += undercut_warnings(self.mesh, *parts, self.surface)
         if self.refused_chords:
             found.append(Warning("chords-refused", "warning", CHORDS_REFUSED, advice="Remove the option chords."))

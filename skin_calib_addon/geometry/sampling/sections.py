@@ -2,11 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, IntArray, along, locked
+from ...common.arrays import Array, BoolArray, IntArray
 from ..mesh.triangle_mesh import TriangleMesh
 from .planes import Planes
 
@@ -46,16 +45,6 @@ def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None
     plane = [plane + start for (plane, _, _), start in zip(cuts, starts)]
     _, face, ends = zip(*cuts)
     return Sections(np.concatenate(plane), np.concatenate(face), np.concatenate(ends), len(planes))
-
-
-def coordinates(mesh: TriangleMesh, direction: Array) -> Array:
-    """Return the components of the vertices of a mesh along a direction, shape (v,) [m]; the last ones are kept."""
-    return _coordinates(mesh, direction.tobytes())
-
-
-@lru_cache(maxsize=12)  # previews cut one mesh along the same axes
-def _coordinates(mesh: TriangleMesh, direction: bytes) -> Array:
-    return locked(along(mesh.vertices, np.frombuffer(direction)))
 
 
 # Indexed by the corners above a plane (sum of 1, 2 and 4 for the first, second and third corner): the corner that is
