@@ -26,7 +26,7 @@ def distance_to(mesh, fit):
     return float(weights @ closest(mesh, fit.surface.points(uv))[0] / weights.sum())
 
 
-@pytest.mark.parametrize(("noise", "error"), [(1e-4, 0.03e-3), (3e-4, 0.08e-3), (1e-3, 0.21e-3)])
+@pytest.mark.parametrize(("noise", "error"), [(1e-4, 0.03e-3), (1e-3, 0.21e-3)])
 @pytest.mark.parametrize("size", [(10, 20), (20, 60)])
 def test_scan_noise_is_smoothed(noise, error, size):
     """A coarse and a fine net find the same shape under the noise; least squares alone are off by half of it."""
@@ -66,7 +66,7 @@ def test_scan_noise_is_smoothed_next_to_holes():
     assert distance_to(wrist(), fit) < 0.08e-3
 
 
-@pytest.mark.parametrize("size", [(5, 10), (10, 20), (20, 60)])
+@pytest.mark.parametrize("size", [(5, 10), (20, 60)])
 def test_clean_mesh_is_not_smoothed(size):
     """Neither where the net is too coarse for the shape nor where only facets are left."""
     assert fit_surface(wrist(), TubeGrid(*size, Z_AXIS, 0.002)).noise == 0

@@ -64,7 +64,7 @@ def assert_lies_on_tube(fit, bottom, top, spline):
     assert np.degrees(np.arccos(np.clip((normals * outward).sum(axis=1), -1, 1))).max() < 1.0
 
 
-@pytest.mark.parametrize("degree", [2, 3, 4, 5, (2, 5), (5, 2)])
+@pytest.mark.parametrize("degree", [2, 4, (2, 5), (5, 2)])
 def test_cylinder_is_exact_to_its_facets(degree):
     """All degrees: the surface lies between the facets and the cylinder they come from, to a hundredth of a percent."""
     fit = fit_surface(cylinder(), TubeGrid(8, 20), degree)
@@ -74,7 +74,7 @@ def test_cylinder_is_exact_to_its_facets(degree):
     assert fit.errors.surface_to_mesh.mean < 0.5 * SAGITTA * RADIUS
 
 
-@pytest.mark.parametrize("grid", [TubeGrid(8, 20), TubeGrid(8, 20, Z_AXIS), TubeGrid(5, 20, Z_AXIS, 0.003)])
+@pytest.mark.parametrize("grid", [TubeGrid(8, 20), TubeGrid(5, 20, Z_AXIS, 0.003)])
 @pytest.mark.parametrize("ends", [(0.045, 0.030), (0.030, 0.045)])
 def test_cone_is_exact_to_its_facets(grid, ends):
     """An axis found or given, running to the thinner end or not; planes even or not."""
@@ -129,7 +129,7 @@ def test_sector_is_exact_to_its_facets():
         assert grid.region.start < angle.min() and angle.max() < grid.region.stop
 
 
-@pytest.mark.parametrize("degree", [2, 3, 5])
+@pytest.mark.parametrize("degree", [2, 5])
 def test_fanned_planes_are_as_exact_as_parallel_ones(degree):
     """u-planes fanned by 20 degrees to both sides: a cylinder to its facets, a wrist as with parallel planes."""
     tilts = np.deg2rad(np.linspace(-20, 20, 10))
@@ -222,15 +222,14 @@ def test_residuals_are_distances_along_the_sample_rays():
         assert abs(fit.residuals[i, j] - (met - length)) < 1e-4 * mesh.size
 
 
-@pytest.mark.parametrize("hole", [0.008, 0.015])
-def test_holes_are_spanned_and_counted(hole):
+def test_holes_are_spanned_and_counted():
     """The fraction of missing samples is that of the hole, and the surface continues over it as if it were not."""
-    mesh = with_hole(cylinder(), (RADIUS, 0, 0.05), hole)
+    mesh = with_hole(cylinder(), (RADIUS, 0, 0.05), 0.015)
     fit = fit_surface(mesh, TubeGrid(20, 44, Z_AXIS, 0.004, "uniform"))
     area = (1 - mesh.face_areas.sum() / cylinder().face_areas.sum()) * LENGTH / (LENGTH - 0.008)
     assert_allclose(fit.missing, area, rtol=0.25)
     assert_lies_on_tube(fit, RADIUS, RADIUS, 5e-3)
-    assert fit.errors.hausdorff < 0.04 * hole  # what spans the hole is no error, but for teeth of its rim between sites
+    assert fit.errors.hausdorff < 6e-4  # what spans the hole is no error, but for teeth of its rim between sites
 
 
 def test_surface_stays_tame_over_a_hole_with_a_rim():
@@ -361,8 +360,7 @@ def test_oscillating_iterations_end_early(monkeypatch):
     assert left[0] <= left[1] * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("spacing", ["auto", "uniform"])
-@pytest.mark.parametrize("planes", [13, 18])
+@pytest.mark.parametrize(("spacing", "planes"), [("auto", 13), ("uniform", 18)])
 def test_draft_of_a_smooth_link_is_near_the_fit(spacing, planes):
     """It has fewer samples, and its surface is within two hundredths of a millimetre of the exact one."""
     mesh, grid = subdivided(wrist()), TubeGrid(planes, 32, Z_AXIS, spacing=spacing)

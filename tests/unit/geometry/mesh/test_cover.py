@@ -164,7 +164,7 @@ def test_seen_removes_inner_walls_that_are_connected_to_the_outside():
     assert same_mesh(kept, weld(mesh.vertices, mesh.faces[outside]))
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_cut_leaves_a_part_in_one_piece(seed):
     """Both faces of an edge get the same point. Pieces at the cut were shells, and were removed as inner parts."""
     rng = np.random.default_rng(seed)
@@ -179,7 +179,7 @@ def test_cut_leaves_a_part_in_one_piece(seed):
     assert len(kept.faces) == len(halves[0].faces)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_shells_after_cuts_are_those_of_the_cut_mesh(seed):
     """A slab of a pile of parts, two of which fall apart: the same parts without welding."""
     rng = np.random.default_rng(seed)
