@@ -6,14 +6,13 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import eigh
 from scipy.ndimage import distance_transform_edt
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from ..common.arrays import Array, IntArray, freeze
 from ..common.surface_errors import DistanceStatistics
-from .mesh.distance import closest, closest_on_triangles
-from .mesh.face_parts import split_faces
+from .mesh.distance import closest
 from .mesh.triangle_mesh import TriangleMesh
+from .mesh.visibility import sample_faces
 from .surface.bspline import MIN_LENGTH
 
 # [m] mean distance below which a cloud is on the mesh: the thickness of a cover separates taxels from the mesh. Larger:
@@ -64,7 +63,6 @@ SAMPLE_SPACING = (
 )
 GRID_CELLS = 48  # [1] cells per side of the grid of nearest samples. Larger: more accurate descent, more memory
 GRID_HALF_SIDE = 0.62  # [fraction of the mesh size] half a side of this grid. Larger: larger cells
-CANDIDATE_FACES = 4  # [1] faces per point whose exact distance is computed. Larger: more accurate distances, more time
 
 
 # Nearby motions.
@@ -142,35 +140,49 @@ def fit_nearby(mesh: TriangleMesh, points: Array) -> NearbyFit:
     """
     cloud = Cloud.of(points)
     some = cloud.points[farthest_points(cloud.points, RANKING_POINTS)]
-    displacements = _displacements(some)
-    cost = _tiny(some) * np.eye(6)  # only for motions that no height shows, such as along a cylinder
-    start = pose = best = Pose(np.eye(3), cloud.centre)
-    least = np.inf
-    for _ in range(MAX_STEPS):
-        height, heading = _heights(mesh, some @ pose.rotation.T + pose.position)
-        off = height - np.median(height)
-        residual = _residual(height)
-        if residual < least:
-            least, best = residual, pose
-        weight = 1 / np.hypot(off, SOFT_WIDTH_FRACTION * cloud.size)
-        weight /= weight.sum()
-        heading = heading @ pose.rotation
-        slopes = np.column_stack((np.cross(some, heading), heading))
-        slopes -= weight @ slopes  # the thickness is eliminated
-        matrix = (weight[:, None] * slopes).T @ slopes + cost
-        step = -np.linalg.solve(matrix, slopes.T @ (weight * off))
-        pose = Pose(
-            pose.rotation @ Rotation.from_rotvec(step[:3]).as_matrix(), pose.position + pose.rotation @ step[3:]
-        )
-        is_small = np.linalg.norm(pose.position - cloud.centre) < NEARBY_LIMIT[0] and _angle(pose) < NEARBY_LIMIT[1]
-        if not is_small or np.linalg.norm(displacements @ step, axis=1).max() < POSE_TOLERANCE * cloud.size:
-            break
+    start = Pose(np.eye(3), cloud.centre)
+    # The cost is only for motions that no height shows, such as along a cylinder.
+    _, best = _least_squares(mesh, some, start, cloud.size, _tiny(some) * np.eye(6), nearby=True)
     before, after = (_residual(_heights(mesh, cloud.at(p))[0]) for p in (start, best))
     if after >= before:
         best, after = start, before
-    u, _, v = np.linalg.svd(best.rotation)
+    translation = best.position - best.rotation @ cloud.centre
     shift = float(np.linalg.norm(best.position - cloud.centre))
-    return NearbyFit(u @ v, best.position - u @ v @ cloud.centre, before, after, _angle(best), shift)
+    return NearbyFit(best.rotation, translation, before, after, _angle(best), shift)
+
+
+def _least_squares(
+    mesh: TriangleMesh, points: Array, pose: "Pose", size: float, cost: Array, nearby: bool = False
+) -> tuple[float, "Pose"]:
+    """Minimize the mean soft distance by reweighted Gauss-Newton steps; return it [m] and its pose.
+
+    A nearby pose minimizes the residual of the heights about their median instead, because the thickness of the skin is
+    unknown, and its steps end at ``NEARBY_LIMIT``.
+    """
+    displacements, start = _displacements(points), pose.position
+    least, best = np.inf, pose
+    for _ in range(MAX_STEPS):
+        height, heading = _heights(mesh, points @ pose.rotation.T + pose.position)
+        off = height - np.median(height) if nearby else height
+        soft = np.hypot(off, SOFT_WIDTH_FRACTION * size)
+        misfit = _residual(height) if nearby else float(soft.mean()) - SOFT_WIDTH_FRACTION * size
+        if misfit < least:
+            least, best = misfit, pose
+        heading = heading @ pose.rotation
+        weight = 1 / soft
+        weight /= weight.sum()
+        slopes = np.column_stack((np.cross(points, heading), heading))
+        if nearby:
+            slopes -= weight @ slopes  # the thickness is eliminated
+        step = -np.linalg.solve((weight[:, None] * slopes).T @ slopes + cost, slopes.T @ (weight * off))
+        turn = Rotation.from_rotvec(step[:3]).as_matrix()
+        pose = Pose(pose.rotation @ turn, pose.position + pose.rotation @ step[3:])
+        if nearby and (np.linalg.norm(pose.position - start) >= NEARBY_LIMIT[0] or _angle(pose) >= NEARBY_LIMIT[1]):
+            break
+        if np.linalg.norm(displacements @ step, axis=1).max() < POSE_TOLERANCE * size:
+            break
+    u, _, v = np.linalg.svd(best.rotation)  # remove the rounding of many products from the rotation
+    return least, Pose(u @ v, best.position)
 
 
 def _heights(mesh: TriangleMesh, points: Array) -> tuple[Array, Array]:
@@ -264,12 +276,11 @@ class Cloud:
 
 
 class SampledMesh:
-    """Sample points of a mesh: the nearest one from a grid, and nearly exact distances from a search tree."""
+    """Sample points of a mesh, and a grid of the nearest one: for the many poses that start a search."""
 
     def __init__(self, mesh: TriangleMesh):
         self.mesh = mesh
-        self.points, self.face, _ = split_faces(mesh, SAMPLE_SPACING * mesh.size)
-        self.tree = cKDTree(self.points)
+        self.points, self.face, _ = sample_faces(mesh, SAMPLE_SPACING * mesh.size)
         self.centre = mesh.vertices.mean(axis=0)
         self.low = self.centre - GRID_HALF_SIDE * mesh.size
         self.cell = 2 * GRID_HALF_SIDE * mesh.size / GRID_CELLS
@@ -289,16 +300,6 @@ class SampledMesh:
         sample = self.nearest[self._cells(points)]
         return self.points[sample], self.mesh.face_normals[self.face[sample]]
 
-    def __call__(self, points: Array) -> tuple[Array, IntArray]:
-        """Return the nearest point of the mesh to each point (k, 3), shape (k, 3), and its face, from candidates."""
-        few = min(CANDIDATE_FACES, len(self.points))
-        faces = self.face[self.tree.query(points, k=np.arange(1, few + 1))[1]]
-        feet = closest_on_triangles(np.repeat(points, few, axis=0), self.mesh.triangles[faces.ravel()])
-        feet = feet.reshape(len(points), few, 3)
-        best = np.linalg.norm(feet - points[:, None], axis=2).argmin(axis=1)
-        row = np.arange(len(points))
-        return feet[row, best], faces[row, best]
-
 
 def _search(samples: SampledMesh, cloud: Cloud) -> tuple[Pose, list[Pose]]:
     """Return the pose with the least distance to the mesh, and the best different poses."""
@@ -315,7 +316,7 @@ def _search(samples: SampledMesh, cloud: Cloud) -> tuple[Pose, list[Pose]]:
     found = [Pose(rotations[i], positions[i]) for i in np.argsort(misfit, kind="stable")]
     some = cloud.points[farthest_points(cloud.points, RANKING_POINTS)]
     found = _different(found, some, EQUAL_FRACTION * cloud.size, CANDIDATES)
-    refined = [_refine(samples, cloud.points, pose, cloud.size) for pose in found]
+    refined = [_refine(samples.mesh, cloud, pose) for pose in found]
     found = [pose for _, pose in sorted(refined, key=lambda pair: pair[0])]
     return found[0], [pose for pose in found if _between(some, pose, found[0]) > DISTINCT_FRACTION * cloud.size]
 
@@ -357,39 +358,11 @@ def descend(
     return rotations, positions, misfit
 
 
-def _refine(samples: SampledMesh, points: Array, pose: Pose, size: float) -> tuple[float, Pose]:
-    """Minimize the mean soft distance by reweighted Gauss-Newton steps; return it [m] and its pose."""
-    displacements = _displacements(points)
-    cost = FINAL_MOTION_COST * np.einsum("kci,kcj->ij", displacements, displacements) / len(points) + _tiny(
-        points
-    ) * np.eye(6)
-    least, best = np.inf, pose
-    for _ in range(MAX_STEPS):
-        there = points @ pose.rotation.T + pose.position
-        feet, faces = samples(there)
-        gap = (feet - there) @ pose.rotation
-        distance = np.linalg.norm(gap, axis=1)
-        soft = np.hypot(distance, SOFT_WIDTH_FRACTION * size)
-        misfit = float(soft.mean()) - SOFT_WIDTH_FRACTION * size
-        if misfit < least:
-            least, best = misfit, pose
-        heading = np.where(
-            (distance > 1e-9 * size)[:, None],
-            gap / np.maximum(distance, np.finfo(float).tiny)[:, None],
-            samples.mesh.face_normals[faces] @ pose.rotation,
-        )
-        weight = 1 / soft
-        weight /= weight.sum()
-        slopes = np.column_stack((np.cross(points, heading), heading))
-        matrix = (weight[:, None] * slopes).T @ slopes + cost
-        step = np.linalg.solve(matrix, slopes.T @ (weight * distance))
-        pose = Pose(
-            pose.rotation @ Rotation.from_rotvec(step[:3]).as_matrix(), pose.position + pose.rotation @ step[3:]
-        )
-        if np.linalg.norm(displacements @ step, axis=1).max() < POSE_TOLERANCE * size:
-            break
-    u, _, v = np.linalg.svd(best.rotation)  # remove the rounding of many products from the rotation
-    return least, Pose(u @ v, best.position)
+def _refine(mesh: TriangleMesh, cloud: Cloud, pose: Pose) -> tuple[float, Pose]:
+    """Minimize the mean soft distance of a cloud; return it [m] and its pose."""
+    displacements, tiny = _displacements(cloud.points), _tiny(cloud.points) * np.eye(6)
+    moved = np.einsum("kci,kcj->ij", displacements, displacements) / len(cloud.points)
+    return _least_squares(mesh, cloud.points, pose, cloud.size, FINAL_MOTION_COST * moved + tiny)
 
 
 def _displacements(points: Array) -> Array:

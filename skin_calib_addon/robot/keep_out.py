@@ -40,9 +40,12 @@ Leg = tuple[Joint, bool]  # a joint on the path from one link to another, and wh
 
 
 class KeepOut:
-    """What of each link of a robot others cover; their fields of distances are computed once.
+    """What of each link of a robot others cover or touch in the joint ranges; their fields are computed once.
 
-    Boxes, cylinders, spheres and capsules cover their own link, too.
+    Other links are those with at most two moving joints between. Joints without limits turn fully; prismatic ones
+    without limits stay at zero. Links behind a floating or planar joint do not count. A point is also covered if the
+    link and those fixed to it hide it from most directions. Boxes, cylinders, spheres and capsules cover their own
+    link, too.
     """
 
     def __init__(self, robot: Robot, meshes: Mapping[str, TriangleMesh], clearance: float = CLEARANCE):
@@ -94,23 +97,6 @@ class KeepOut:
         if mesh not in self.fields:
             self.fields[mesh] = DistanceField(mesh, CELL_SIDE * self.radius)
         return self.fields[mesh]
-
-
-def keep_out(
-    robot: Robot,
-    meshes: Mapping[str, TriangleMesh],
-    link: str,
-    points: Array,
-    normals: Array,
-    clearance: float = CLEARANCE,
-) -> BoolArray:
-    """Return which points (k, 3) of a link are covered or touched by another one, somewhere in the joint ranges.
-
-    Other links are those with at most two moving joints between. Joints without limits turn fully; prismatic ones
-    without limits stay at zero. Links behind a floating or planar joint do not count. A point is also covered if the
-    link and those fixed to it hide it from most directions. For several links, :class:`KeepOut` is faster.
-    """
-    return KeepOut(robot, meshes, clearance)(link, points, normals)
 
 
 def paths_from(robot: Robot, link: str) -> Iterator[tuple[str, tuple[Leg, ...]]]:
@@ -192,45 +178,36 @@ class _Motion:
         near = np.flatnonzero(np.linalg.norm(points - centre, axis=1) < extent)
         if len(near) == 0:
             return met
-        if turn == len(self.turns):
-            met[near] = self.field(points[near]) < self.radius
-        elif turn == len(self.turns) - 1:
-            met[near] = self._advanced(points[near])
-        else:
-            met[near] = self._swept(points[near], turn)
+        met[near] = self._advanced(points[near], turn) if turn < len(self.turns) else self._gaps(points[near]) < 0
         return met
 
-    def _swept(self, points: Array, turn: int) -> BoolArray:
+    def _gaps(self, points: Array) -> Array:
+        """Return the distances of balls around points (k, 3) from the other link, in its frame, shape (k,) [m]."""
+        return self.field(points) - self.radius
+
+    def _advanced(self, points: Array, turn: int) -> BoolArray:
         """Return which balls meet the other link during a turn and those after it.
 
-        Each ball moves by its diameter, or as far as it is from all that can meet it.
+        During the last turn, each ball moves by its distance from the link. Before, it moves by its diameter, or as far
+        as it is from all that can meet it.
         """
-        move, (centre, extent) = self.turns[turn], self.balls[turn + 1]
-        centre = (centre - self.poses[turn + 1][:3, 3]) @ self.poses[turn + 1][:3, :3]  # in the frame of the turn
+        move, pose, (centre, extent) = self.turns[turn], self.poses[turn + 1], self.balls[turn + 1]
+        is_last = turn == len(self.turns) - 1
+        centre = (centre - pose[:3, 3]) @ pose[:3, :3]  # in the frame of the turn
         met, position = np.zeros(len(points), bool), np.full(len(points), move.low, float)
         arms, open_ = np.maximum(move.arms(points), 1e-9), np.arange(len(points))
         while len(open_):
             moved = move(points[open_], position[open_])
-            met[open_] = self.is_met(moved, turn + 1)
-            gap = np.linalg.norm(moved - centre, axis=1) - extent
+            if is_last:
+                gap, least = self._gaps(moved @ pose[:3, :3].T + pose[:3, 3]), self.radius
+                met[open_] = gap < 0
+            else:
+                gap, least = np.linalg.norm(moved - centre, axis=1) - extent, 2 * self.radius
+                met[open_] = self.is_met(moved, turn + 1)
             ahead = ~met[open_] & (position[open_] < move.high)
-            step = np.maximum(gap, 2 * self.radius)[ahead] / arms[open_[ahead]]
+            step = np.maximum(gap, least)[ahead] / arms[open_[ahead]]
             open_ = open_[ahead]
             position[open_] = np.minimum(position[open_] + step, move.high)
-        return met
-
-    def _advanced(self, points: Array) -> BoolArray:
-        """Return which balls meet the other link during the last turn: each advances by its distance."""
-        turn, pose = self.turns[-1], self.poses[-1]
-        met, position = np.zeros(len(points), bool), np.full(len(points), turn.low, float)
-        arms, open_ = np.maximum(turn.arms(points), 1e-9), np.arange(len(points))
-        while len(open_):
-            gap = self.field(turn(points[open_], position[open_]) @ pose[:3, :3].T + pose[:3, 3]) - self.radius
-            met[open_] = gap < 0
-            ahead = (gap >= 0) & (position[open_] < turn.high)
-            step = np.maximum(gap, self.radius)[ahead] / arms[open_[ahead]]
-            open_ = open_[ahead]
-            position[open_] = np.minimum(position[open_] + step, turn.high)
         return met
 
 

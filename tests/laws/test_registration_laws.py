@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.geometry.mesh.distance import closest
-from skin_calib_addon.geometry.mesh.face_parts import split_faces
+from skin_calib_addon.geometry.mesh.visibility import sample_faces
 from skin_calib_addon.geometry.registration import find_frame
 from tests.examples import examples
 from tests.shapes import Motion, weld, wrist
 
 seeds = st.integers(0, 2**32 - 1)
-POINTS, FACES, _ = split_faces(wrist(), 0.02 * wrist().size)
+POINTS, FACES, _ = sample_faces(wrist(), 0.02 * wrist().size)
 
 
 def piece(seed, fraction, noise=0.0):

@@ -20,7 +20,6 @@ pytestmark = [
 ]
 
 ARM = TAXELS / "raw" / "icub_right_arm_wrong_frame.txt"
-RAW = sorted((TAXELS / "raw").glob("*")) if TAXELS.is_dir() else []
 
 
 @pytest.fixture(scope="module")
@@ -83,13 +82,3 @@ def test_mujoco_measures_every_taxel_of_a_real_skin(arm, tmp_path):
         assert data.sensor(name).data[0] > 0
         depth = data.sensor("arm").data.reshape(3, -1)[0]
         assert depth.argmax() == i and 0.8 * DEPTH < depth[i] <= 1.001 * DEPTH
-
-
-@pytest.mark.parametrize("path", RAW, ids=lambda path: path.stem)
-def test_raw_files_become_tables(path, tmp_path, capsys):
-    """The table has the taxels of the file; only the file gives warnings."""
-    assert main(["import", str(path), "-o", str(tmp_path / "a.csv")]) == 0
-    there, back = read_taxels(path), read_taxels(tmp_path / "a.csv")
-    assert (there.positions == back.positions).all() and (there.channels == back.channels).all()
-    assert (there.labels, there.frame) == (back.labels, back.frame) and back.findings == ()
-    assert capsys.readouterr().err.count("warning") == len(there.findings)

@@ -8,25 +8,21 @@ import pytest
 from skin_calib_addon.common.errors import SkinCalibError
 from skin_calib_addon.geometry import (
     AcrossGrid,
-    Axis,
     CoverSpec,
-    Cut,
     TubeGrid,
     cut_cover,
     fit_surface,
-    fit_to_tolerance,
     load_mesh,
 )
 from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.pipeline import calibrate
-from skin_calib_addon.plan import load_plan, plan_from
+from skin_calib_addon.plan import load_plan
 
 ROOT = Path(__file__).parents[2]
 DATA = (ROOT / ".." / "shared" / "data" / "meshes").resolve()
 MESHES = sorted(DATA.glob("*.stl"))
 WRIST_PLAN = ROOT / "examples" / "hrp4c_wrist.plan.json"
 
-UP = (0.0, 0.0, 1.0)
 
 pytestmark = [
     pytest.mark.slow,
@@ -53,15 +49,6 @@ def fit_of(path):
 
 
 @pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
-def test_real_mesh_loads(path):
-    """Every one is a surface of the size of a link, with as many faces as its header says, less the degenerate ones."""
-    mesh = load_mesh(path)
-    stated = int.from_bytes(path.read_bytes()[80:84], "little")
-    assert 0.9 * stated <= len(mesh.faces) <= stated
-    assert 0.03 < mesh.size < 1.0 and np.isfinite(mesh.face_areas).all()
-
-
-@pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
 def test_real_link_is_fitted_or_says_why_not(path):
     """A surface that is where its errors say, looking out of the mesh, or one line of ours; never another exception."""
     cover, fit = fit_of(path)
@@ -77,16 +64,6 @@ def test_real_link_is_fitted_or_says_why_not(path):
         looks = (normals * cover.face_normals[face]).sum(axis=1)[distance < 0.5e-3]
     assert (looks > 0).mean() > 0.95
     assert fit.errors.surface_to_mesh.mean <= fit.errors.surface_to_mesh.max <= fit.errors.hausdorff < cover.size
-
-
-@pytest.mark.nightly
-def test_tolerance_over_steps_is_not_given_up_too_early():
-    """The middle of the TALOS forearm: more planes gain nothing there, more lines do, and 0.2 mm can be kept."""
-    cuts = Cut((0.0, 0.0, 0.045), UP), Cut((0.0, 0.0, 0.165), (0.0, 0.0, -1.0))
-    cover = cut_cover(load_mesh(DATA / "talos_arm_5_forearm.stl"), CoverSpec(cuts=cuts))
-    fit = fit_to_tolerance(cover, 2e-4, axis=Axis((0.0, 0.006, 0.0), UP), margin=0.008)
-    assert fit.errors.surface_to_mesh.mean <= 2e-4
-    assert fit.offsets.size < 1100
 
 
 @pytest.mark.skipif(not WRIST_PLAN.exists(), reason=f"no {WRIST_PLAN}")
@@ -108,53 +85,6 @@ def test_paper_wrist_takes_the_sheet():
     assert distance.max() < 1e-3
     assert ((taxels.normals_link * result.cover.face_normals[face]).sum(axis=1) > 0.8).all()
     assert np.abs(taxels.quality["strain"]).max() < 0.05
-
-
-@pytest.mark.skipif(not WRIST_PLAN.exists(), reason=f"no {WRIST_PLAN}")
-def test_inner_boxes_of_the_paper_wrist_are_dropped():
-    """Where the planes are, cut and shell isolation leave of the raw link the shell that was cut out by hand.
-
-    Chips of the boxes stay at the cut's own rim, within the margin.
-    """
-    plan = load_plan(WRIST_PLAN)
-    (cut,) = plan.surface.cover.cuts
-    raw, cover = (
-        cut_cover(load_mesh(DATA / f"hrp4c_r_wrist_y{name}.stl"), plan.surface.cover) for name in ("", "_cover_only")
-    )
-    height = (raw.vertices - cut.point) @ cut.normal
-    assert closest(cover, raw.vertices[height > plan.surface.grid.region.margin])[0].max() < 1e-6
-    assert raw.face_areas.sum() < 1.05 * cover.face_areas.sum()
-
-
-SEEN_LINKS = [path for path in MESHES if "light" not in path.stem and "collision" not in path.stem]
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("path", SEEN_LINKS, ids=lambda path: path.stem)
-def test_what_is_seen_of_a_real_link_is_fitted_or_refused(path):
-    """It is part of the mesh, and contains what is outermost; the fit ends with a surface or with an error."""
-    mesh = load_mesh(path)
-    cover = cut_cover(mesh, CoverSpec("seen"))
-    corners = {triangle.tobytes() for triangle in mesh.triangles}
-    assert all(triangle.tobytes() in corners for triangle in cover.triangles)
-    np.testing.assert_allclose(cover.vertices.max(axis=0), mesh.vertices.max(axis=0), atol=0.01 * mesh.size)
-    np.testing.assert_allclose(cover.vertices.min(axis=0), mesh.vertices.min(axis=0), atol=0.01 * mesh.size)
-    grid = AcrossGrid(8, 8, FACES[path.stem]) if path.stem in FACES else TubeGrid(8, 20)
-    try:
-        fit = fit_surface(cover, grid)
-    except SkinCalibError as error:
-        assert len(str(error)) > 20
-        return
-    assert fit.errors.surface_to_mesh.max < 0.01
-
-
-def test_warnings_of_a_link_begin_with_the_worst():
-    """A surface 5 mm off the upper arm of the iCub comes before a vertex that the fit leaves out."""
-    plan = {"format": "skin-plan", "version": 1, "link": "arm", "mesh": "arm.stl", "unit": "m", "skins": []}
-    plan |= {"grid": {"kind": "tube", "n": 10, "lines": 20}}
-    result = calibrate(plan_from(plan), load_mesh(DATA / "icub27_r_upper_arm.stl"))
-    codes = [warning.code for warning in result.warnings]
-    assert codes == ["off-mesh", "not-converged", "undercut", "dropped-curves", "outlier-vertices"]
 
 
 def test_errors_of_a_link_leave_out_what_is_hidden():

@@ -89,21 +89,6 @@ def test_slightly_wrong_frame_of_a_real_skin_is_a_warning(file, name, count, kno
         assert found.is_better and found.after < 1.2 * right.before
 
 
-def test_normals_of_the_forearm_are_those_of_its_boards():
-    """The model of the robot has the frame of each board: its z axis is the normal of the ten taxels on it."""
-    rows = np.genfromtxt(TAXELS / "icub_urdf_triangles_l_forearm.csv", delimiter=",", names=True)
-    centres, truth = (np.column_stack([rows[k] for k in names]) for names in (("x", "y", "z"), ("nx", "ny", "nz")))
-    _, _, fit = link("l_forearm")
-    taxels = imported_taxels(read_taxels(TAXELS / "pycub_left_forearm.csv"), fit.surface, "skin").taxels
-    boards = taxels.positions_link.reshape(24, 10, 3).mean(axis=1)
-    nearest = np.linalg.norm(boards[:, None] - centres, axis=2).argmin(axis=1)
-    assert len(set(nearest.tolist())) == 24
-    off = np.linalg.norm(taxels.normals_link.reshape(24, 10, 3) - truth[nearest][:, None], axis=2).ravel()
-    before = np.linalg.norm(fit.surface.normals(taxels.uv).reshape(24, 10, 3) - truth[nearest][:, None], axis=2).ravel()
-    degrees = [np.rad2deg(np.percentile(part, (50, 90))) for part in (before, off)]
-    assert (degrees[0] > (5, 10)).all() and (degrees[1] < 0.5).all()
-
-
 def points_outward(mesh, positions, normals):
     """Return whether a face near each taxel has a similar normal: within a millimetre of the nearest, as inner
     walls protrude.
@@ -212,41 +197,3 @@ def test_flat_sole_has_no_unique_frame():
     points = read_taxels(TAXELS / "pycub_left_foot.csv").positions
     fit = find_frame(mesh, Motion(0).points(points))
     assert fit.verdict == "ambiguous" and fit.after.mean < 0.1e-3
-
-
-def test_triangles_of_a_robot_description_point_outward():
-    """24 frames on the forearm have their normals as z axes; none of them is flipped on the fitted surface."""
-    mesh, _, fit = link("l_forearm")
-    taxel_set = read_taxels(TAXELS / "icub_urdf_triangles_l_forearm.csv")
-    assert len(taxel_set.labels) == 24 and taxel_set.normals is not None
-    result = imported_taxels(taxel_set, fit.surface, "skin", mesh)
-    assert not {"flipped-normals", "wrong-frame"} & {f.code for f in result.findings}
-    angles = np.rad2deg(np.arccos((taxel_set.normals * result.taxels.normals_link).sum(axis=1)))
-    assert np.median(angles) < 6
-
-
-def test_boards_keep_their_pitch_and_ports():
-    """A patch of three: 27.75 mm from port to port, few degrees of tilt, complete frames, a neighbour in another
-    patch.
-    """
-    taxels = read_taxels(TAXELS / "raw" / "tum_patch2.xml")
-    assert taxels.labels == ("5", "6", "7") and taxels.neighbours == (("6",), ("5", "7"), ("6",))
-    steps = np.linalg.norm(np.diff(taxels.positions, axis=0), axis=1)
-    assert_allclose(steps, 27.76e-3, rtol=0, atol=0.03e-3)
-    tilt = np.rad2deg(np.arccos((taxels.normals[1:] * taxels.normals[:-1]).sum(axis=1)))
-    assert (tilt < 6.3).all()
-    assert_allclose((taxels.normals * taxels.tangents).sum(axis=1), 0, rtol=0, atol=1e-9)
-    assert {f.code: f.value for f in taxels.findings} == {"unknown-neighbour": 1}
-
-
-def test_every_set_is_read():
-    """All files of the folder give taxels within a metre, and warnings."""
-    files = sorted(p for p in TAXELS.rglob("*") if p.suffix in (".csv", ".txt", ".xml"))
-    assert len(files) >= 9
-    for path in files:
-        taxels = read_taxels(path)
-        assert len(taxels.labels) >= 3 and np.abs(taxels.positions).max() < 1
-    table = read_taxels(TAXELS / "tum_hex_cells.csv")
-    assert [(f.code, f.value) for f in table.findings] == [("duplicate-position", 5)]
-    arm = read_taxels(TAXELS / "icub_right_arm.csv")
-    assert [(f.code, f.value) for f in arm.findings] == [("placeholder-normals", 350)]

@@ -87,12 +87,9 @@ def site_tangents(points: Array, closed: bool) -> Array:
 
 def in_basis(a: Array, b: Array, displacements: Array) -> tuple[Array, Array]:
     """Return the components of displacements along two tangents."""
-    return solve_metric(a, b, (displacements * a).sum(axis=1), (displacements * b).sum(axis=1))
-
-
-def solve_metric(a: Array, b: Array, by_a: Array, by_b: Array) -> tuple[Array, Array]:
-    """Return the components along two tangents of vectors with given scalar products."""
-    aa, ab, bb = ((x * y).sum(axis=1) for x, y in ((a, a), (a, b), (b, b)))
+    aa, ab, bb, by_a, by_b = (
+        (x * y).sum(axis=1) for x, y in ((a, a), (a, b), (b, b), (displacements, a), (displacements, b))
+    )
     area = aa * bb - ab**2
     return (bb * by_a - ab * by_b) / area, (aa * by_b - ab * by_a) / area
 
@@ -122,9 +119,7 @@ def largest_sagittas(mesh: TriangleMesh) -> Array:
     steepest = np.zeros(len(mesh.faces))
     np.maximum.at(steepest, first, turn)
     np.maximum.at(steepest, second, turn)
-    corners = mesh.triangles
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    return np.where(steepest < MAX_CHORD_ANGLE, longest * steepest / 4, 0.0)
+    return np.where(steepest < MAX_CHORD_ANGLE, mesh.longest_sides * steepest / 4, 0.0)
 
 
 def facet_sagittas(mesh: TriangleMesh) -> Array:
@@ -140,11 +135,8 @@ def facet_sagittas(mesh: TriangleMesh) -> Array:
     The largest of the three edges counts. A sharp edge has none.
     """
     first, second, turn = edge_turns(mesh)
-    apart = np.argmin(
-        common_corners(mesh, first, second), axis=1
-    )  # the corner of the first face that is not on the common edge
-    ends = [mesh.vertices[mesh.faces[first, (apart + i) % 3]] for i in (1, 2)]
-    length = np.linalg.norm(ends[1] - ends[0], axis=1)
+    ends = mesh.vertices[mesh.shared_edges]
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     turn = np.where(turn < MAX_CHORD_ANGLE, turn, 0.0)
     sagittas = np.zeros(len(mesh.faces))
     for side in (first, second):
@@ -154,17 +146,9 @@ def facet_sagittas(mesh: TriangleMesh) -> Array:
 
 def sharp_vertices(mesh: TriangleMesh) -> BoolArray:
     """Return whether an edge at each vertex is meant to be sharp, shape (v,)."""
-    first, second, turn = edge_turns(mesh)
-    is_sharp = turn >= MAX_CHORD_ANGLE
-    first, second = first[is_sharp], second[is_sharp]
     found = np.zeros(len(mesh.vertices), bool)
-    found[mesh.faces[first][common_corners(mesh, first, second)]] = True
+    found[mesh.shared_edges[edge_turns(mesh)[2] >= MAX_CHORD_ANGLE]] = True
     return found
-
-
-def common_corners(mesh: TriangleMesh, first: IntArray, second: IntArray) -> BoolArray:
-    """Return which corners of the first of two faces the second one has, too, shape (e, 3), for pairs of faces (e,)."""
-    return (mesh.faces[first][:, :, None] == mesh.faces[second][:, None, :]).any(axis=2)
 
 
 def edge_turns(mesh: TriangleMesh) -> tuple[IntArray, IntArray, Array]:

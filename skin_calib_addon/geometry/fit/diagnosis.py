@@ -13,7 +13,7 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.curves import curves
 from ..sampling.lines import LineGrid
-from ..sampling.samples import RaySamples, SampleRows
+from ..sampling.samples import RaySamples, SampleRows, flat_ends
 
 # [1] smallest area element to the mean area element below which a surface nearly folds, or closes to a point. Larger:
 # more warnings.
@@ -52,11 +52,6 @@ class DeviationLimits:
         return cls(warned, max(max_deviation, warned))
 
 
-def condition(basis: TensorBasis) -> float:
-    """Return the condition number of the least squares: the product of the condition numbers of its factors."""
-    return float(np.linalg.cond(basis.N) * np.linalg.cond(basis.B))
-
-
 def dropped_curves(rows: SampleRows, samples: RaySamples) -> tuple[IntArray, Array, Array]:
     """Return the curves in each row's section that the surface does not follow, such as inner walls.
 
@@ -64,7 +59,7 @@ def dropped_curves(rows: SampleRows, samples: RaySamples) -> tuple[IntArray, Arr
     them; it is not counted.
     """
     sections, faces = rows.sections, len(rows.mesh.faces)
-    ends = rows.flat_ends()
+    ends = flat_ends(sections, rows.planes, rows.axes)
     hit = np.zeros((sections.planes, faces), bool)
     np.put_along_axis(hit, samples.faces, ~np.isnan(samples.residuals), axis=1)
     bounds = np.searchsorted(sections.plane, np.arange(sections.planes + 1))
@@ -86,9 +81,7 @@ def dropped_curves(rows: SampleRows, samples: RaySamples) -> tuple[IntArray, Arr
     return counts, lengths, points
 
 
-def dropped_curve_warnings(
-    lines: LineGrid, basis: TensorBasis, dropped: tuple[IntArray, Array, Array]
-) -> Iterator[Warning]:
+def dropped_curve_warnings(basis: TensorBasis, dropped: tuple[IntArray, Array, Array]) -> Iterator[Warning]:
     """Yield a warning if sections have curves that the surface does not follow."""
     counts, lengths, points = dropped
     if not counts.any():

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from ...common.arrays import Array, BoolArray, IntArray, cross, unit
 from ..mesh.corners import undivided
 from ..mesh.defects import coherent
-from ..mesh.triangle_mesh import TriangleMesh
+from ..mesh.triangle_mesh import TriangleMesh, at_rims
 from ..sampling.basis import TensorBasis
 from ..sampling.samples import MIN_FACET_COSINE, RaySamples
 from ..surface.bspline import MIN_LENGTH, BSplineSurface
@@ -57,16 +57,6 @@ def vertex_normals(vertices: Array, faces: IntArray) -> Array:
     at = faces.ravel()
     sums = [np.bincount(at, (weights * areas[:, c, None]).ravel(), len(vertices)) for c in range(3)]
     return unit(np.stack(sums, axis=1))
-
-
-def at_rim(faces: IntArray, count: int) -> BoolArray:
-    """Return whether the faces around each vertex leave a side open.
-
-    Around an inner vertex, each neighbour begins one opposite edge and ends another. The sum of their differences is
-    therefore zero.
-    """
-    opposite = faces[:, NEXT] - faces[:, PREVIOUS]
-    return np.bincount(faces.ravel(), opposite.ravel(), count) != 0
 
 
 def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
@@ -128,7 +118,7 @@ class _VertexBends:
 @lru_cache(maxsize=4)  # repeated fits, as in the window, keep the bends of their mesh
 def _vertex_bends(mesh: TriangleMesh) -> _VertexBends:
     vertices, count = mesh.vertices, len(mesh.vertices)
-    sharp, rim = sharp_vertices(mesh), at_rim(mesh.faces, count)
+    sharp, rim = sharp_vertices(mesh), at_rims(mesh.faces, count)
     faces, parent = undivided(mesh, sharp | rim)
     normals = vertex_normals(vertices, faces)
     first, last = faces.ravel(), faces[:, NEXT].ravel()

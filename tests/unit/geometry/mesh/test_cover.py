@@ -10,7 +10,7 @@ from skin_calib_addon.geometry.mesh import shells as shells_module
 from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, shells_after
 from skin_calib_addon.geometry.mesh.shells import shells
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, weld
-from tests.shapes import RADIUS, Motion, box, cylinder, keep, same_mesh, shuffled, together, welded, wrist
+from tests.shapes import RADIUS, Motion, box, cylinder, keep, same_mesh, together, welded, wrist
 
 INNER = box((-0.01, -0.01, 0.03), (0.01, 0.01, 0.07))  # a servo inside the tube
 NEAR = box((0.05, -0.01, 0.03), (0.06, 0.01, 0.07))  # a bracket outside of it
@@ -34,28 +34,6 @@ def test_cut_keeps_the_side_its_normal_points_to():
     areas = [part.face_areas.sum() for part in kept]
     np.testing.assert_allclose(sum(areas), mesh.face_areas.sum(), rtol=1e-12)
     assert min(areas) > 0.3 * mesh.face_areas.sum()
-
-
-def test_cut_does_not_ask_how_long_its_normal_is():
-    """The same part to the bit for a normal ten times as long."""
-    cuts = [CoverSpec("all", (Cut((0, 0, 0.05), (0, 0, length)),)) for length in (1.0, 10.0)]
-    assert same_mesh(*(cut_cover(wrist(), spec) for spec in cuts))
-
-
-def test_cuts_add_up():
-    """Two cuts leave what lies on the right side of both."""
-    spec = CoverSpec("all", (Cut((0, 0, 0.03), (0, 0, 1)), Cut((0, 0, 0.07), (0, 0, -1))))
-    part = cut_cover(cylinder(), spec)
-    assert np.ptp(part.vertices[:, 2]) == pytest.approx(0.04, abs=1e-15)
-    np.testing.assert_allclose(part.face_areas.sum(), 0.4 * cylinder().face_areas.sum(), rtol=1e-12)
-
-
-def test_cut_through_vertices_leaves_no_slivers():
-    """A plane through a ring of vertices cuts along it: the faces are those of the mesh."""
-    mesh = cylinder(length=0.1, along=6)
-    level = np.unique(mesh.vertices[:, 2])[2]
-    part = cut_cover(mesh, CoverSpec("all", (Cut((0, 0, level), (0, 0, 1)),)))
-    assert same_mesh(part, keep(mesh, lambda centres: centres[:, 2] > level))
 
 
 def test_cover_drops_the_inner_parts():
@@ -87,27 +65,10 @@ def test_cover_isolates_shells_after_the_cut():
     assert np.linalg.norm(cut_cover(mesh, spec).vertices[:, :2], axis=1).min() > 0.9 * RADIUS
 
 
-def test_cover_moves_with_the_mesh():
-    """The same faces stay, wherever the link lies and however its vertices are numbered."""
-    mesh, motion = together(cylinder(), INNER, NEAR), Motion(3, 2.0)
-    moved = cut_cover(motion.mesh(mesh), CoverSpec("outer"))
-    expected = motion.mesh(together(cylinder(), NEAR))
-    np.testing.assert_allclose(moved.vertices, expected.vertices, rtol=0, atol=1e-12)
-    assert same_mesh(cut_cover(weld(*shuffled(mesh, 5)), CoverSpec("outer")), together(cylinder(), NEAR))
-
-
 def test_cover_survives_a_shell_without_area():
     """A lone triangle squeezed to a line, as exporters leave them, hides nothing and breaks nothing."""
     sliver = weld(np.array([[0, 0, 0.02], [0, 0, 0.03], [0, 0, 0.04]]), [[0, 1, 2]])
     assert same_mesh(cut_cover(together(cylinder(), sliver), CoverSpec("outer")), cylinder())
-
-
-def test_cover_of_a_flat_mesh_is_the_mesh():
-    """Without a hull nothing is inside of it."""
-    flat = weld(
-        np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.2, 0, 0], [0.3, 0, 0], [0.2, 0.1, 0]]), [[0, 1, 2], [3, 4, 5]]
-    )
-    assert same_mesh(cut_cover(flat, CoverSpec("outer")), flat)
 
 
 def test_shells_are_joined_over_edges_of_two_faces_only():
@@ -203,7 +164,7 @@ def test_seen_removes_inner_walls_that_are_connected_to_the_outside():
     assert same_mesh(kept, weld(mesh.vertices, mesh.faces[outside]))
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_cut_leaves_a_part_in_one_piece(seed):
     """Both faces of an edge get the same point. Pieces at the cut were shells, and were removed as inner parts."""
     rng = np.random.default_rng(seed)
@@ -218,7 +179,7 @@ def test_cut_leaves_a_part_in_one_piece(seed):
     assert len(kept.faces) == len(halves[0].faces)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_shells_after_cuts_are_those_of_the_cut_mesh(seed):
     """A slab of a pile of parts, two of which fall apart: the same parts without welding."""
     rng = np.random.default_rng(seed)
@@ -260,13 +221,3 @@ def test_faces_with_corners_of_their_own_are_one_shell(part):
     apart = weld(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
     assert shells(apart).max() == 0 and len(apart.vertices) > 1.2 * len(mesh.vertices)
     assert same_mesh(cut_cover(apart, CoverSpec("outer")), apart)
-
-
-def test_hull_is_computed_again_only_for_parts_that_make_it_larger(monkeypatch):
-    """Links can have a thousand parts, such as letters on their outside."""
-    hulls, real = [], shells_module.convex_hull
-    monkeypatch.setattr(shells_module, "convex_hull", lambda points: hulls.append(1) or real(points))
-    letters = [box((0.001 * k, 0, 0.05), (0.001 * k + 5e-4, 0.001, 0.050002)) for k in range(20)]
-    mesh = together(box((0, 0, 0), (0.1, 0.1, 0.05)), *letters, box((0.2, 0, 0), (0.21, 0.01, 0.01)))
-    assert same_mesh(cut_cover(mesh, CoverSpec("outer")), mesh)
-    assert len(hulls) == 2

@@ -1,18 +1,13 @@
 """COLLADA files: units, axes, nodes, damage and malice; trimesh's own reading of the scene is the independent truth."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-import trimesh
 
 from skin_calib_addon.common.errors import InvalidMesh
 from skin_calib_addon.geometry.mesh import dae
-from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, read_mesh, save_mesh
-from tests.shapes import box, same_mesh
+from skin_calib_addon.geometry.mesh.triangle_mesh import read_mesh
 
 pytest.importorskip("collada")
-ROBOT = Path(__file__).parents[5] / "shared" / "data" / "robots" / "jvrc_description" / "meshes"
 POINTS = "0 0 0 0.1 0 0 0 0.2 0 0 0 0.3"
 FACES = "0 2 1 0 1 3 0 3 2 1 2 3"
 GEOMETRY = """<geometry id="{name}"><mesh>
@@ -101,28 +96,6 @@ def test_defects_without_an_effect_on_the_shape_do_not_matter(tmp_path):
     assert len(read_mesh(written(tmp_path, other=other, scene=scene)).faces) == 4
 
 
-def test_file_of_trimesh_is_read(tmp_path):
-    """Triangles with normals; the unit that a file does not state is the metre."""
-    mesh = box((0, 0, 0), (0.1, 0.05, 0.025))
-    raw = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    (tmp_path / "box.dae").write_bytes(raw.export(file_type="dae"))
-    found = load_mesh(tmp_path / "box.dae")
-    np.testing.assert_allclose(found.vertices, mesh.vertices, atol=1e-8)
-    assert (found.faces == mesh.faces).all()
-
-
-@pytest.mark.skipif(not ROBOT.exists(), reason="the robots are not here")
-def test_meshes_of_a_robot_are_those_of_trimesh():
-    """Areas and boxes of all 35 links of JVRC-1."""
-    files = sorted(ROBOT.glob("*.dae"))
-    for file in files:
-        mesh, scene = load_mesh(file), trimesh.load(file)
-        expected = scene.to_mesh()
-        np.testing.assert_allclose(mesh.face_areas.sum(), expected.area, rtol=1e-6)
-        np.testing.assert_allclose((mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)), expected.bounds, atol=1e-7)
-    assert len(files) == 35
-
-
 DOUBLING = "".join(
     f'<node id="n{k}"><instance_node url="#n{k - 1}"/><instance_node url="#n{k - 1}"/></node>' for k in range(1, 40)
 )
@@ -172,10 +145,3 @@ def test_without_the_package_the_message_states_how_to_install_it(tmp_path, monk
     monkeypatch.setitem(__import__("sys").modules, "collada", None)
     with pytest.raises(InvalidMesh, match=r"link.dae cannot be read: this needs pycollada.*pip install pycollada"):
         read_mesh(written(tmp_path))
-
-
-def test_mesh_survives_as_ply(tmp_path):
-    """The same mesh in another format has the same hash."""
-    mesh = read_mesh(written(tmp_path))
-    save_mesh(mesh, tmp_path / "link.ply")
-    assert same_mesh(read_mesh(tmp_path / "link.ply"), mesh)

@@ -5,8 +5,7 @@ import pytest
 
 from skin_calib_addon.common.warnings import Warning
 from skin_calib_addon.geometry.mesh.defects import diagnose, edges_at
-from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, weld
-from tests.real.test_real_links import MESHES
+from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from tests.shapes import RADIUS, Motion, box, cylinder, dome, keep, sheet, shuffled, together, with_hole, wrist
 
 BLOCK = box((0, 0, 0), (0.1, 0.05, 0.025))
@@ -181,25 +180,11 @@ def test_doubled_faces_matter_from_one_percent_of_the_area(fraction, matters):
     assert findings(found)[f"{2 * count} faces back to back"] == matters
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_diagnosis_does_not_see_the_order(seed):
+def test_diagnosis_does_not_see_the_order():
     """Vertices and faces in any order: the same words."""
-    mesh = together(with_hole(wrist(), (0.0375, 0.0, 0.05), 0.008), INNER)
-    vertices, faces = shuffled(mesh, seed)
+    mesh = together(with_hole(cylinder(around=48, along=20), (RADIUS, 0.0, 0.05), 0.008), INNER)
+    vertices, faces = shuffled(mesh, 0)
     assert diagnose(vertices, faces).findings() == seen(mesh).findings()
-
-
-@pytest.mark.skipif(not MESHES, reason="no real links here: ../shared/data/meshes has no STL file")
-@pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
-def test_real_link_is_looked_at(path):
-    """Sound ones have nothing that matters, every rim is an edge of one face, and every line is one."""
-    found = seen(load_mesh(path))
-    clean = {"talos_tibia_light", "talos_arm_5_forearm_collision", "jvrc1_r_elbow_p", "g1_left_wrist_roll"}
-    if path.stem in clean | {"hrp4c_r_wrist_y_cover_only"}:
-        assert not any(findings(found).values()) and found.parts == 1
-    holes = {"hrp4c_r_wrist_y_cover_only": 2, "g1_left_ankle_roll_foot": 4, "talos_tibia_light": 0}
-    assert len(found.holes()) == holes.get(path.stem, len(found.holes()))
-    assert all("\n" not in str(finding) for finding in found.findings())
 
 
 def test_edges_are_found_again_where_they_lie():

@@ -6,7 +6,7 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skin_calib_addon.common.errors import InvalidMesh, OutputError
+from skin_calib_addon.common.errors import InvalidMesh
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, load_mesh, read_mesh, save_mesh, weld
 from tests.shapes import Motion, box, cylinder, same_mesh, shuffled, wrist
 
@@ -58,17 +58,6 @@ def test_weld_keeps_the_winding():
     assert (weld(TRIANGLE, [[1, 2, 0]]).face_normals == [[0, 0, 1]]).all()
 
 
-def test_mesh_cannot_be_changed():
-    """Arrays are read-only copies."""
-    vertices = TRIANGLE.copy()
-    mesh = TriangleMesh(vertices, np.array([[0, 1, 2]]))
-    vertices[0] = 7
-    assert (mesh.vertices == TRIANGLE).all()
-    for array in (mesh.vertices, mesh.faces):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 1
-
-
 def test_mesh_measures_are_those_of_the_box():
     """Size, areas and normals of a box of 100 x 50 x 25 mm."""
     areas = np.abs(BLOCK.face_normals).T @ BLOCK.face_areas
@@ -116,12 +105,6 @@ def test_load_mesh_reads_metres_from_either_unit(tmp_path, kind, unit):
     mesh = load_mesh(path, unit)
     np.testing.assert_allclose(mesh.vertices, BLOCK.vertices, rtol=0, atol=3e-9)  # STL and PLY hold single precision
     assert (mesh.faces == BLOCK.faces).all()
-
-
-@pytest.mark.parametrize("kind", FORMATS)
-def test_load_mesh_takes_capital_endings(tmp_path, kind):
-    """LINK.STL is an STL file."""
-    assert len(load_mesh(write(BLOCK, tmp_path / f"block.{kind}").rename(tmp_path / f"B.{kind.upper()}")).faces) == 12
 
 
 @pytest.mark.parametrize(("unit", "scale", "other"), [("m", 1000, "mm"), ("mm", 1, "m")])
@@ -176,16 +159,6 @@ def test_read_mesh_refuses_a_file_that_was_cut_off(tmp_path, kind, data):
         read_mesh(path)
 
 
-@pytest.mark.parametrize("faces", [0, 2, 11])
-def test_truncated_stl_states_its_faces(tmp_path, faces):
-    """A binary file has no faces for the reader then; the message has both numbers, whatever the text of the header."""
-    data = trimesh.Trimesh(BLOCK.vertices, BLOCK.faces, process=False).export(file_type="stl")
-    for start in (data[:80], b"solid block".ljust(80)):
-        (tmp_path / "block.stl").write_bytes((start + data[80:])[: 84 + 50 * faces + 20])
-        with pytest.raises(InvalidMesh, match=f"header announces {len(BLOCK.faces)} faces, but {faces} were found"):
-            read_mesh(tmp_path / "block.stl")
-
-
 @pytest.mark.parametrize("kind", FORMATS)
 def test_read_mesh_refuses_a_file_without_faces(tmp_path, kind):
     """A file that is sound and holds points only, or nothing."""
@@ -221,22 +194,6 @@ def test_read_mesh_refuses_vertices_of_two_numbers(tmp_path):
         read_mesh(path)
 
 
-def test_read_mesh_says_where_it_looked(tmp_path):
-    """A missing file, a folder in its place, and a path no system takes: the message has the path and a hint."""
-    (tmp_path / "folder.stl").mkdir()
-    for path in (tmp_path / "none.stl", tmp_path / "folder.stl", tmp_path / ("a" * 5000 + ".stl")):
-        with pytest.raises(InvalidMesh, match=r"There is no mesh file at .*\.stl\. Check its name and its folder\.$"):
-            read_mesh(path)
-
-
-def test_read_mesh_names_the_formats_it_reads(tmp_path):
-    """A format that trimesh might know but we do not promise."""
-    path = tmp_path / "link.3mf"
-    path.write_text("<COLLADA/>")
-    with pytest.raises(InvalidMesh, match=r"link\.3mf has an unknown format\. Use one of stl, ply, obj, off, dae, glb"):
-        read_mesh(path)
-
-
 def test_read_mesh_leaves_the_numbers_as_they_stand(tmp_path):
     """No unit, no size: what an author looks at before the unit is known."""
     path = write(BLOCK, tmp_path / "block.off", 1000)
@@ -251,13 +208,6 @@ def test_save_mesh_round_trip_is_to_the_bit(seed, exponent, tmp_path_factory):
     path = tmp_path_factory.mktemp("mesh") / "m.ply"
     save_mesh(mesh, path)
     assert same_mesh(read_mesh(path), mesh)
-
-
-def test_save_mesh_refuses_a_missing_folder(tmp_path):
-    """One line, and nothing is made."""
-    with pytest.raises(OutputError, match="folder .* does not exist"):
-        save_mesh(BLOCK, tmp_path / "none" / "m.ply")
-    assert not list(tmp_path.iterdir())
 
 
 def test_pairs_that_are_wound_against_each_other():

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.geometry import Axis, TubeGrid, fit_surface
 from skin_calib_addon.geometry.mesh.distance import closest
-from skin_calib_addon.geometry.sampling.curves import curves, fold_distances, short_runs
+from skin_calib_addon.geometry.sampling.curves import curves, short_runs
 from skin_calib_addon.geometry.sampling.rays import RayCaster
 from tests.examples import slow
 from tests.shapes import TURN, Z_AXIS, box, cylinder, keep, together, welded
@@ -94,14 +94,6 @@ def test_fold_keeps_the_area(corners, rays):
     outermost = RayCaster(np.zeros(len(segments), int), segments, 1).cast(0 * fan(rays), fan(rays))[0]
     # Out and back and out again is linear in the distances; the area, in squares, keeps up to the fold's own depth.
     assert abs(0.5 * TURN * (distance**2).mean() - area) < 0.2 * abs(0.5 * TURN * (outermost**2).mean() - area)
-
-
-def test_crossings_in_order_by_hand():
-    """One ray meets 5, 3 and 2; one meets two, one meets one, one none."""
-    ray, distance = np.array((1, 1, 1, 2, 2, 4)), np.array((3.0, 5.0, 2.0, 1.0, 2.0, 7.0))
-    folded, direction = fold_distances(ray, distance, 60)
-    assert_array_equal(folded, [1])
-    assert_allclose(direction, [5 - 3 + 2])
 
 
 @pytest.mark.parametrize(
