@@ -8,15 +8,15 @@ from ..skin_calib_addon.blender.scene.decimals import in_units, vector
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.geometry import cut_cover
 from ..skin_calib_addon.geometry.grid.axis import axis_through
-from .on_link import Edit, OnLink
+from .base import Edit, Operator, no_link
 from .picking import POINT, Picking
 
 
-class SKIN_OT_axis_from_sections(Picking, OnLink, Edit, bpy.types.Operator):
+class SKIN_OT_axis_from_sections(Picking, Edit, Operator):
     """Click on the link twice: the axis joins the centres of the two sections there, towards the second"""
 
-    bl_idname = "skin_calib.axis_from_sections"
     bl_label = "Axis from Two Sections"
+    blocked_by = (no_link,)
 
     first: bpy.props.FloatVectorProperty(name="First", description="A point of the first section", **POINT)
     second: bpy.props.FloatVectorProperty(name="Second", description="A point of the second section", **POINT)
@@ -32,6 +32,3 @@ class SKIN_OT_axis_from_sections(Picking, OnLink, Edit, bpy.types.Operator):
 
     def take(self, points):
         self.first, self.second = points
-
-
-CLASSES = (SKIN_OT_axis_from_sections,)

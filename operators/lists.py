@@ -9,20 +9,8 @@ from ..skin_calib_addon.blender.scene.results import find
 from ..skin_calib_addon.blender.scene.skins import entry, of_kind
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.plan.keys import ZONE
-from .on_link import Edit
+from .base import INDEX, Edit, OnSkin, Operator
 from .picking import AtCursor
-
-INDEX = {"min": 0, "options": {"HIDDEN"}}
-
-
-class OnSkin:
-    """Works on one skin of the plan."""
-
-    skin: bpy.props.IntProperty(name="Skin", description="Which skin, from 0", **INDEX)
-
-    def of_kind(self, plan, kind, what):
-        """Return the skin, which must be of the kind that has such things."""
-        return of_kind(entry(plan.skins, self.skin, "skin"), kind, what)
 
 
 class RemoveEntry(Edit):
@@ -42,10 +30,9 @@ class RemoveEntry(Edit):
         entries.remove(self.index)
 
 
-class SKIN_OT_skin_add(Edit, bpy.types.Operator):
+class SKIN_OT_skin_add(Edit, Operator):
     """Add a skin to the active link: a sheet of taxels, or hexagonal boards"""
 
-    bl_idname = "skin_calib.skin_add"
     bl_label = "Add Skin"
 
     kind: bpy.props.EnumProperty(
@@ -67,70 +54,52 @@ class SKIN_OT_skin_add(Edit, bpy.types.Operator):
             skins.turn_along_lines(skin, next(iter(result.fits.values())).surface)  # a new skin is on the first one
 
 
-class SKIN_OT_skin_remove(RemoveEntry, bpy.types.Operator):
+class SKIN_OT_skin_remove(RemoveEntry, Operator):
     """Remove this skin from the active link"""
 
-    bl_idname = "skin_calib.skin_remove"
     bl_label = "Remove Skin"
-
     what = "skin"
 
     def entries(self, plan):
         return plan.skins
 
 
-class SKIN_OT_landmark_add(AtCursor, OnSkin, Edit, bpy.types.Operator):
+class SKIN_OT_landmark_add(AtCursor, OnSkin, Edit, Operator):
     """Pin a cell of this sheet to the 3D cursor; the first landmark replaces the origin"""
 
-    bl_idname = "skin_calib.landmark_add"
     bl_label = "Add Landmark"
 
     def edit(self, context, plan):
-        skin = self.of_kind(plan, "sheet", "landmarks")
+        skin = of_kind(plan, self.skin, "sheet", "landmarks")
         skin.landmarks.add().point = self.start(context)
 
 
-class SKIN_OT_landmark_remove(OnSkin, RemoveEntry, bpy.types.Operator):
+class SKIN_OT_landmark_remove(OnSkin, RemoveEntry, Operator):
     """Remove this landmark; without landmarks the sheet has its origin again"""
 
-    bl_idname = "skin_calib.landmark_remove"
     bl_label = "Remove Landmark"
-
     what = "landmark"
 
     def entries(self, plan):
-        return self.of_kind(plan, "sheet", "landmarks").landmarks
+        return of_kind(plan, self.skin, "sheet", "landmarks").landmarks
 
 
-class SKIN_OT_zone_add(AtCursor, OnSkin, Edit, bpy.types.Operator):
+class SKIN_OT_zone_add(AtCursor, OnSkin, Edit, Operator):
     """Keep boards away from the 3D cursor"""
 
-    bl_idname = "skin_calib.zone_add"
     bl_label = "Add Excluded Zone"
 
     def edit(self, context, plan):
-        zone = self.of_kind(plan, "hexagons", "excluded zones").excluded.add()
+        zone = of_kind(plan, self.skin, "hexagons", "excluded zones").excluded.add()
         zone.point = self.start(context)
         write_first(ZONE, zone, metres_per_unit(context.scene))
 
 
-class SKIN_OT_zone_remove(OnSkin, RemoveEntry, bpy.types.Operator):
+class SKIN_OT_zone_remove(OnSkin, RemoveEntry, Operator):
     """Remove this zone, so that boards may cover it again"""
 
-    bl_idname = "skin_calib.zone_remove"
     bl_label = "Remove Excluded Zone"
-
     what = "excluded zone"
 
     def entries(self, plan):
-        return self.of_kind(plan, "hexagons", "excluded zones").excluded
-
-
-CLASSES = (
-    SKIN_OT_skin_add,
-    SKIN_OT_skin_remove,
-    SKIN_OT_landmark_add,
-    SKIN_OT_landmark_remove,
-    SKIN_OT_zone_add,
-    SKIN_OT_zone_remove,
-)
+        return of_kind(plan, self.skin, "hexagons", "excluded zones").excluded

@@ -4,8 +4,7 @@
 import bpy
 
 from ..skin_calib_addon.blender.scene import points_on_link, skins
-from .lists import INDEX, OnSkin
-from .on_link import Edit
+from .base import INDEX, Edit, OnSkin, Operator
 from .picking import POINT, Picking
 
 
@@ -29,20 +28,18 @@ class Place(OnSkin, Edit):
         skins.put_point(plan, self.what, self.skin, self.index, point)
 
 
-class SKIN_OT_place_at_cursor(Place, bpy.types.Operator):
+class SKIN_OT_place_at_cursor(Place, Operator):
     """Move this point to the 3D cursor"""
 
-    bl_idname = "skin_calib.place_at_cursor"
     bl_label = "Place at 3D Cursor"
 
     def edit(self, context, plan):
         self.put(plan, points_on_link.cursor_on(context.object, context.scene))
 
 
-class SKIN_OT_place(Picking, Place, bpy.types.Operator):
+class SKIN_OT_place(Picking, Place, Operator):
     """Click on the link to move this point there; Esc leaves it where it is"""
 
-    bl_idname = "skin_calib.place"
     bl_label = "Place on Link"
 
     point: bpy.props.FloatVectorProperty(name="Point", description="Where the point lies, in the link frame", **POINT)
@@ -53,7 +50,5 @@ class SKIN_OT_place(Picking, Place, bpy.types.Operator):
     prompts = ("Click on the link to move the point there    Esc: leave it",)
 
     def check(self, context):
+        super().check(context)
         skins.point_of(context.object.skin_calib, self.what, self.skin, self.index)
-
-
-CLASSES = (SKIN_OT_place_at_cursor, SKIN_OT_place)

@@ -5,15 +5,15 @@ from pathlib import Path
 
 import bpy
 
+from .base import Operator
+
 SAMPLES = Path(__file__).resolve().parent.parent / "sample_scenes"
 
 
-class SKIN_OT_open_sample(bpy.types.Operator):
+class SKIN_OT_open_sample(Operator):
     """Add a link with a plan that comes with the extension"""
 
-    bl_idname = "skin_calib.open_sample"
     bl_label = "Open Sample"
-    bl_options = {"REGISTER", "UNDO"}
 
     name: bpy.props.EnumProperty(
         name="Sample",
@@ -25,8 +25,5 @@ class SKIN_OT_open_sample(bpy.types.Operator):
         ],
     )
 
-    def execute(self, context):
+    def act(self, context):
         return bpy.ops.skin_calib.import_plan(filepath=str(SAMPLES / f"{self.name}.plan.json"))
-
-
-CLASSES = (SKIN_OT_open_sample,)

@@ -4,14 +4,13 @@
 import bpy
 
 from ..skin_calib_addon.blender.inspection import touching
+from .base import Edit, Operator, no_fit, no_link
 from .files import LooksAtFile
-from .on_link import Edit, KeepsLink, OnLink, OnResult
 
 
-class SKIN_OT_touches(KeepsLink, OnResult, LooksAtFile, bpy.types.Operator):
+class SKIN_OT_touches(LooksAtFile, Operator):
     """Compare the taxels of the active link with a table of touches: the strongest taxel, and the probe position"""
 
-    bl_idname = "skin_calib.touches"
     bl_label = "Compare with Touches"
 
     filter_glob: bpy.props.StringProperty(default="*.csv", options={"HIDDEN"})
@@ -21,41 +20,31 @@ class SKIN_OT_touches(KeepsLink, OnResult, LooksAtFile, bpy.types.Operator):
         return f"{sum(len(placement.rows) for placement in found)} touches compared"
 
 
-def why_no_touches(link):
-    """Return that a link has no touches, and what to do; empty if it has."""
-    return "" if link.skin_calib.inspect.touches.file else "Compare with touches first"
+def no_touches(context):
+    """Return that the link has no touches, and what to do."""
+    return "" if context.object.skin_calib.inspect.touches.file else "Compare with touches first"
 
 
-class SKIN_OT_touches_move(OnResult, Edit, bpy.types.Operator):
+def is_changed(context):
+    """Return that the link has changed since its fit."""
+    return "Fit the link again first" if context.object.skin_calib.result.outdated else ""
+
+
+class SKIN_OT_touches_move(Edit, Operator):
     """Move the skins of the active link to fit the touches: origins and directions, or landmarks"""
 
-    bl_idname = "skin_calib.touches_move"
     bl_label = "Move Skins There"
-
-    @classmethod
-    def why_not(cls, context):
-        if reason := super().why_not(context) or why_no_touches(context.object):
-            return reason
-        return "Fit the link again first" if context.object.skin_calib.result.outdated else ""
+    blocked_by = (no_link, no_fit, no_touches, is_changed)
 
     def edit(self, context, plan):
         touching.move_to_touches(context.object, context.scene)
 
 
-class SKIN_OT_touches_end(OnLink, bpy.types.Operator):
+class SKIN_OT_touches_end(Operator):
     """Remove these touches"""
 
-    bl_idname = "skin_calib.touches_end"
     bl_label = "Forget Touches"
-    bl_options = {"REGISTER", "UNDO"}
+    blocked_by = (no_link, no_touches)
 
-    @classmethod
-    def why_not(cls, context):
-        return super().why_not(context) or why_no_touches(context.object)
-
-    def execute(self, context):
-        touching.forget(context.object)
-        return {"FINISHED"}
-
-
-CLASSES = (SKIN_OT_touches, SKIN_OT_touches_move, SKIN_OT_touches_end)
+    def act(self, context):
+        context.object.skin_calib.inspect.property_unset("touches")

@@ -12,12 +12,10 @@ from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.common.errors import InvalidMesh, SkinCalibError, counted
 from ..skin_calib_addon.skin.single_taxels import short_id
 from ..skin_calib_addon.skin.zones import discs_over, taxels_over
-from .lists import OnSkin
-from .on_link import Edit
+from .base import Edit, OnSkin, Operator
 
 
-class SKIN_OT_zones_from_faces(OnSkin, Edit, bpy.types.Operator):
-    bl_idname = "skin_calib.zones_from_faces"
+class SKIN_OT_zones_from_faces(OnSkin, Edit, Operator):
     bl_label = "Exclude Faces"
     bl_description = (
         "Keep the skin away from the faces selected in Edit Mode, or from those of the active vertex group. Boards get "
@@ -89,6 +87,3 @@ def active_group(link):
     if not len(group_triangles(link, group.name)):
         raise InvalidMesh(f"The vertex group {group.name} of {link.name} has no complete face. Add vertices to it.")
     return group.name
-
-
-CLASSES = (SKIN_OT_zones_from_faces,)

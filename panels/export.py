@@ -10,7 +10,7 @@ class ExportStep(Step):
 
     def draw_plan(self, layout, plan):
         column = layout.column(align=True)
-        button(column, "export_calibration", text="Calibration", icon="EXPORT")
+        button(column, "export_calibration", text="Calibration")
         row = buttons(column)
-        button(row, "export_plan", text="Plan", icon="EXPORT")
-        button(row, "export_taxels", text="Taxels...", icon="EXPORT")
+        button(row, "export_plan", text="Plan")
+        button(row, "export_taxels", text="Taxels...")

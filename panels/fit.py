@@ -32,4 +32,4 @@ class FitStep(Step):
         if least_exact(plan):
             show_text(layout, "Mean: of the least exact surface", "INFO")
         is_marked = plan.inspect.marked == result.key
-        button(layout, "show_worst", icon="ZOOM_SELECTED", depress=is_marked)
+        button(layout, "show_worst", depress=is_marked)

@@ -38,6 +38,3 @@ class SKIN_PT_work(SkinPanel, bpy.types.Panel):
             return
         for step in self.steps:
             step.draw(layout, context.object.skin_calib)
-
-
-CLASSES = (SKIN_PT_work,)

@@ -13,7 +13,6 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from . import events
 from .live.background import Work
 from .live.preview import PreviewReport, StepCache
 from .live.sketch import Sketch
@@ -186,12 +185,6 @@ def _opened(*_: Any) -> None:
 HANDLERS = {"undo_post": _undone, "redo_post": _undone, "load_post": _opened}
 
 
-def register() -> None:
-    """Listen to undo and files, before what draws the links again."""
-    events.listen(HANDLERS)
-
-
 def unregister() -> None:
-    """Stop listening, and forget all links."""
-    events.ignore(HANDLERS, ())
+    """Forget all links."""
     session.clear()

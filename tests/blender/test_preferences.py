@@ -28,12 +28,12 @@ def test_scene_without_a_skin_gets_that_of_the_preferences(bpy, extension, setti
     robot = importlib.import_module(f"{extension}.operators.robot")
     wanted = []
     monkeypatch.setattr(robot, "parse_skin", lambda text: wanted.append(text) or None)
-    monkeypatch.setattr(robot.OverLinks, "choose", lambda self, context: None)
+    monkeypatch.setattr(robot.Working, "chosen", lambda self, context: None)
     scene, propose = bpy.context.scene.skin_calib, type("Stub", (robot.Propose,), {})()
     settings.skin = "hexagons:8mm"
-    propose.choose(bpy.context)
+    propose.chosen(bpy.context)
     scene.skin = "sheet:6x22x10mm"
-    propose.choose(bpy.context)
+    propose.chosen(bpy.context)
     assert wanted == ["hexagons:8mm", "sheet:6x22x10mm"]
 
 

@@ -191,13 +191,3 @@ def basis_at(context: bpy.types.Context, point: Vector, direction: Vector) -> Ma
     return (
         link_frame(context.object) @ Matrix.Translation(point) @ direction.to_track_quat("Z", "Y").to_matrix().to_4x4()
     )
-
-
-def register() -> None:
-    """Add the handles."""
-    bpy.utils.register_class(SKIN_GGT_planes)
-
-
-def unregister() -> None:
-    """Remove the handles."""
-    bpy.utils.unregister_class(SKIN_GGT_planes)

@@ -197,14 +197,9 @@ def _opened(*_: Any) -> None:
 
 
 HANDLERS = {"undo_post": _undone, "redo_post": _undone, "load_post": _opened}
-
-
-def register() -> None:
-    """Listen to undo and files."""
-    events.listen(HANDLERS)
+TIMERS = (tick,)
 
 
 def unregister() -> None:
-    """Stop listening and playback."""
-    events.ignore(HANDLERS, (tick,))
+    """Remove all recordings."""
     _opened()

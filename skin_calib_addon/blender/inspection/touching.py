@@ -50,8 +50,3 @@ def move_to_touches(link: bpy.types.Object, scene: bpy.types.Scene) -> None:
     for skin, before, after in zip(settings.skins, plan.skins, refined.plan.skins):
         if after != before:
             move_skin(skin, after, metres_per_unit(scene))
-
-
-def forget(link: bpy.types.Object) -> None:
-    """Remove the touches from the view."""
-    link.skin_calib.inspect.property_unset("touches")

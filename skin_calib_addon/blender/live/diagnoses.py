@@ -198,13 +198,4 @@ HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced) | {
     "depsgraph_update_post": _updated,
     "frame_change_post": _frame_changed,
 }
-
-
-def register() -> None:
-    """Listen to changes."""
-    events.listen(HANDLERS)
-
-
-def unregister() -> None:
-    """Stop listening."""
-    events.ignore(HANDLERS, (verify,))
+TIMERS = (verify,)

@@ -332,13 +332,4 @@ def _scene_replaced(*_: Any) -> None:
 
 
 HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced)
-
-
-def register() -> None:
-    """Listen to undo, redo and files; :mod:`.diagnoses` listens to changes of meshes."""
-    events.listen(HANDLERS)
-
-
-def unregister() -> None:
-    """Stop listening."""
-    events.ignore(HANDLERS, (tick,))
+TIMERS = (tick,)

@@ -5,11 +5,11 @@ from collections.abc import Callable
 from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, IntProperty
+from bpy.props import EnumProperty
 
 from ...plan.keys import COVER, GRID_KINDS, GRID_REGIONS, GRIDS, PLANE
 from .of_keys import items_of, of_keys
-from .options import FIXED, PLAN
+from .options import PLAN, whole
 
 
 @of_keys(PLANE)
@@ -30,9 +30,7 @@ def _give_handles(family: str) -> Callable[[Any, Any], None]:
 class SKIN_PG_cover(bpy.types.PropertyGroup):
     """What of the mesh is covered with skin."""
 
-    cut_index: IntProperty(
-        name="Cut", description="Which cut has the handles", min=0, update=_give_handles("CUT"), **FIXED
-    )
+    cut_index: whole(name="Cut", description="Which cut has the handles", min=0, update=_give_handles("CUT"))
 
 
 @of_keys(*GRIDS.values())
@@ -43,12 +41,5 @@ class SKIN_PG_grid(bpy.types.PropertyGroup):
     region: EnumProperty(
         name="Region", description="What the automatic grid covers", items=items_of(GRID_REGIONS), **PLAN
     )
-    u_index: IntProperty(
-        name="U-Plane", description="Which u-plane is selected", min=0, update=_give_handles("U"), **FIXED
-    )
-    v_index: IntProperty(
-        name="V-Plane", description="Which v-plane is selected", min=0, update=_give_handles("V"), **FIXED
-    )
-
-
-CLASSES = (SKIN_PG_plane, SKIN_PG_cover, SKIN_PG_grid)
+    u_index: whole(name="U-Plane", description="Which u-plane is selected", min=0, update=_give_handles("U"))
+    v_index: whole(name="V-Plane", description="Which v-plane is selected", min=0, update=_give_handles("V"))

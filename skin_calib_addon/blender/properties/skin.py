@@ -4,13 +4,13 @@
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, StringProperty
+from bpy.props import EnumProperty, StringProperty
 
 from ...common.errors import InvalidPlan
 from ...plan.keys import LANDMARK, SINGLE_TAXEL, SKIN_KINDS, SKINS_OF, ZONE
 from ..scene.fields import read_cells
 from .of_keys import items_of, of_keys
-from .options import FIXED, PLAN, outdate
+from .options import PLAN, flag, outdate, text
 
 
 def _check_cells(skin: Any, context: Any) -> None:
@@ -47,14 +47,11 @@ class SKIN_PG_skin(bpy.types.PropertyGroup):
         "zones over these faces",
         **PLAN,
     )
-    opened: BoolProperty(name="Open", description="Show what this skin has, in a list of several", **FIXED)
-    cells: StringProperty(
+    opened: flag(name="Open", description="Show what this skin has, in a list of several")
+    cells: text(
         name="Cells",
         description="The boards as q,r with spaces between: 0,0 is the root, q counts along its row, r along the "
         "direction 60 degrees to its left",
-        **FIXED | {"update": _check_cells},
+        update=_check_cells,
     )
-    cells_wrong: BoolProperty(description="The list of cells is empty or cannot be read", default=True, **FIXED)
-
-
-CLASSES = (SKIN_PG_landmark, SKIN_PG_zone, SKIN_PG_single_taxel, SKIN_PG_skin)
+    cells_wrong: flag(description="The list of cells is empty or cannot be read", default=True)

@@ -93,11 +93,11 @@ def move_skin(skin: Any, moved: SheetSkin | BoardSkin, metre: float) -> None:
 
 def point_of(plan: Any, what: str, skin: int, index: int) -> tuple[Any, str]:
     """Return the group of properties that has an origin, a landmark or a zone, and the name of its point there."""
-    owner = entry(plan.skins, skin, "skin")
     if what == "landmark":
-        return entry(of_kind(owner, "sheet", "landmarks").landmarks, index, "landmark"), "point"
+        return entry(of_kind(plan, skin, "sheet", "landmarks").landmarks, index, "landmark"), "point"
     if what == "zone":
-        return entry(of_kind(owner, "hexagons", "excluded zones").excluded, index, "excluded zone"), "point"
+        return entry(of_kind(plan, skin, "hexagons", "excluded zones").excluded, index, "excluded zone"), "point"
+    owner = entry(plan.skins, skin, "skin")
     if owner.kind == "imported":
         raise SkinCalibError(f"Skin {owner.name!r} has no origin, its file has the positions. Give it a frame.")
     return owner, "origin"
@@ -162,8 +162,9 @@ def root_row(taxels: TaxelArray) -> int:
     return int(np.argmin(np.abs(taxels.index).sum(axis=1)))
 
 
-def of_kind(skin: Any, kind: str, what: str) -> Any:
-    """Return a skin that must be of the kind that has such things."""
+def of_kind(plan: Any, index: int, kind: str, what: str) -> Any:
+    """Return a skin of a plan, which must be of the kind that has such things."""
+    skin = entry(plan.skins, index, "skin")
     if skin.kind != kind:
         label = next(choice.label for choice in SKIN_KINDS if choice.value == kind)
         raise SkinCalibError(
