@@ -6,9 +6,8 @@ import numpy as np
 
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.scene import skins
-from ..skin_calib_addon.blender.scene.decimals import vector
 from ..skin_calib_addon.blender.scene.fields import written_cells
-from ..skin_calib_addon.blender.scene.units import metres_per_unit
+from ..skin_calib_addon.blender.scene.units import metres_per_unit, vector
 from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.skin.boards.board_taxels import board_at
 from .base import Followed, OnSkin, Operator

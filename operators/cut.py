@@ -5,9 +5,8 @@ import bpy
 import numpy as np
 
 from ..skin_calib_addon.blender.scene import cut_away, link_meshes
-from ..skin_calib_addon.blender.scene.decimals import vector
 from ..skin_calib_addon.blender.scene.skins import entry
-from ..skin_calib_addon.blender.scene.units import metres_per_unit
+from ..skin_calib_addon.blender.scene.units import metres_per_unit, vector
 from ..skin_calib_addon.common.errors import InvalidMesh, SkinCalibError, counted
 from ..skin_calib_addon.geometry.grid.cut_planes import cut_normal
 from .base import INDEX, Edit, Operator, no_mesh, not_editable

@@ -251,3 +251,25 @@ def draw_export(menu, _context):
     menu.layout.operator(SKIN_OT_export_calibration.bl_idname, text="Skin Calibration (.json)")
     menu.layout.operator(SKIN_OT_export_taxels.bl_idname, text="Skin Taxels (MuJoCo, URDF, iCub, ...)")
     menu.layout.operator("skin_calib.export_robot", text="Skins of a Robot (folder)")
+
+
+SAMPLES = Path(__file__).resolve().parent.parent / "sample_scenes"
+
+
+class SKIN_OT_open_sample(Operator):
+    """Add a link with a plan that comes with the extension"""
+
+    bl_label = "Open Sample"
+
+    name: bpy.props.EnumProperty(
+        name="Sample",
+        description="Which link",
+        items=[
+            ("wrist", "Wrist", "A limb with a sheet around it"),
+            ("sole", "Sole", "A foot with a sheet below its sole"),
+            ("edge", "Edge", "A limb with an edge, and a sheet over it"),
+        ],
+    )
+
+    def act(self, context):
+        return bpy.ops.skin_calib.import_plan(filepath=str(SAMPLES / f"{self.name}.plan.json"))

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Inspect the fitted skin of the active link: read taxels, compare them with a file, replay recordings."""
+"""Inspect the fitted skin of the active link: taxels, comparisons with files and touches, recordings."""
 
 import bpy
 
-from ..skin_calib_addon.blender.handles.view import ray_under
 from ..skin_calib_addon.blender.inspection import comparing, replay, taxel_mesh, taxels
-from .base import Operator, no_fit, no_link
+from ..skin_calib_addon.blender.scene.points_on_link import ray_under
+from .base import Edit, Operator, no_fit, no_link
 from .files import LooksAtFile
 from .picking import Picking
 
@@ -126,3 +126,45 @@ class SKIN_OT_replay_play(Operator):
             replay.stop(context.object)
         else:
             replay.play(context.object)
+
+
+class SKIN_OT_touches(LooksAtFile, Operator):
+    """Compare the taxels of the active link with a table of touches: the strongest taxel, and the probe position"""
+
+    bl_label = "Compare with Touches"
+
+    filter_glob: bpy.props.StringProperty(default="*.csv", options={"HIDDEN"})
+
+    def look(self, context, path):
+        found = comparing.compare_touches(context.object, path)
+        return f"{sum(len(placement.rows) for placement in found)} touches compared"
+
+
+def no_touches(context):
+    """Return that the link has no touches, and what to do."""
+    return "" if context.object.skin_calib.inspect.touches.file else "Compare with touches first"
+
+
+def is_changed(context):
+    """Return that the link has changed since its fit."""
+    return "Fit the link again first" if context.object.skin_calib.result.outdated else ""
+
+
+class SKIN_OT_touches_move(Edit, Operator):
+    """Move the skins of the active link to fit the touches: origins and directions, or landmarks"""
+
+    bl_label = "Move Skins There"
+    blocked_by = (no_link, no_fit, no_touches, is_changed)
+
+    def edit(self, context, plan):
+        comparing.move_to_touches(context.object, context.scene)
+
+
+class SKIN_OT_touches_end(Operator):
+    """Remove these touches"""
+
+    bl_label = "Forget Touches"
+    blocked_by = (no_link, no_touches)
+
+    def act(self, context):
+        context.object.skin_calib.inspect.property_unset("touches")

@@ -3,8 +3,8 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.handles.view import point_under
 from ..skin_calib_addon.blender.scene import points_on_link
+from ..skin_calib_addon.blender.scene.points_on_link import point_under
 from ..skin_calib_addon.common.errors import SkinCalibError
 
 # Events that only move the view.

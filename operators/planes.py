@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Planes one by one: from a grid to a list of planes, and operations on that list."""
+"""The axis of the grid; planes one by one: from a grid to a list of planes, and operations on that list."""
 
 import bpy
 import numpy as np
 
 from ..skin_calib_addon.blender.scene import link_meshes, plane_lists, plans, points_on_link
-from ..skin_calib_addon.blender.scene.decimals import vector
 from ..skin_calib_addon.blender.scene.skins import entry
-from ..skin_calib_addon.blender.scene.units import metres_per_unit
+from ..skin_calib_addon.blender.scene.units import in_units, metres_per_unit, vector
 from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.geometry import PlanesGrid, cut_cover
 from ..skin_calib_addon.geometry.fit.auto import grid_lines
+from ..skin_calib_addon.geometry.grid.axis import axis_through
 from ..skin_calib_addon.geometry.grid.plane_editing import between, mirrored, planes_of, spread, through
 from .base import INDEX, Edit, Operator, no_link, no_mesh
 from .picking import POINT, Picking
@@ -185,3 +185,25 @@ class SKIN_OT_planes_mirror(OnPlanes, Operator):
 
     def changed(self, planes, grid):
         return mirrored(planes, min(getattr(grid, f"{self.family}_index"), len(planes) - 1))
+
+
+class SKIN_OT_axis_from_sections(Picking, Edit, Operator):
+    """Click on the link twice: the axis joins the centres of the two sections there, towards the second"""
+
+    bl_label = "Axis from Two Sections"
+    blocked_by = (no_link,)
+
+    first: bpy.props.FloatVectorProperty(name="First", description="A point of the first section", **POINT)
+    second: bpy.props.FloatVectorProperty(name="Second", description="A point of the second section", **POINT)
+
+    def edit(self, context, plan):
+        link, metre = context.object, metres_per_unit(context.scene)
+        cover = cut_cover(link_meshes.read_mesh(link, context), plans.shown_surface(link, context.scene).cover)
+        axis = axis_through(cover, vector(self.first, metre), vector(self.second, metre))
+        plan.grid.auto_axis = False
+        plan.grid.point, plan.grid.direction = in_units(axis.point, metre), axis.direction
+
+    prompts = tuple(f"Click on the {which} section of the link    Esc: keep the axis" for which in ("first", "second"))
+
+    def take(self, points):
+        self.first, self.second = points

@@ -7,8 +7,8 @@ import bpy
 from bl_operators.presets import AddPresetBase
 
 from ..skin_calib_addon.blender.properties.millimetres import shown
-from ..skin_calib_addon.blender.scene.decimals import exact
 from ..skin_calib_addon.blender.scene.skins import entry
+from ..skin_calib_addon.blender.scene.units import exact
 from ..skin_calib_addon.common.errors import SkinCalibError
 from .base import Edit, OnSkin, Operator, no_mesh
 

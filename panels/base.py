@@ -13,6 +13,9 @@ from ..skin_calib_addon.common.errors import counted
 
 # Characters in a line without a region, as in a background process.
 LINE_WIDTH = 34
+# Characters in a line of several, relative to those of the whole text on average: lines can have wide letters. Larger:
+# their ends are cut off; smaller: more lines.
+WIDE_LETTERS = 0.85
 # [pixel of a screen with standard density] Left and right of a text in the sidebar: edges of panels, tabs, an icon.
 # Larger: texts are broken earlier; smaller: their ends are cut off.
 TEXT_MARGIN = 80
@@ -226,47 +229,36 @@ def _draw(layout, name, properties, **words):
         setattr(drawn, key, value)
 
 
-def fits(text, space):
-    """Return whether the sidebar has space for a text in one line."""
-    region, system = bpy.context.region, bpy.context.preferences.system
-    if region is None or bpy.app.background:
-        return len(text) <= LINE_WIDTH
-    blf.size(0, bpy.context.preferences.ui_styles[0].widget.points * system.ui_scale)
-    width = region.width if region.type == "UI" else 20 * POPOVER_UNITS * system.ui_scale
-    return blf.dimensions(0, text)[0] <= width - (TEXT_MARGIN + space) * system.ui_scale
-
-
-def lines_of(text, space=0):
-    """Return a text in lines that are as wide as the sidebar, or as the popover of the status.
+def characters_of(text, space):
+    """Return how many characters of a text a line of the sidebar has, or of the popover of the status.
 
     ``space`` is the width of what is in the same row [pixel of a screen with standard density].
     """
-    if bpy.context.region is None or bpy.app.background:
-        return textwrap.wrap(text, LINE_WIDTH)
-    lines = [""]
-    for word in [part for whole in text.split() for part in parts_of(whole, space)]:
-        longer = f"{lines[-1]} {word}".strip()
-        if lines[-1] and not fits(longer, space):
-            lines.append(word)
-        else:
-            lines[-1] = longer
-    return [line for line in lines if line]
+    region, system = bpy.context.region, bpy.context.preferences.system
+    if region is None or bpy.app.background:
+        return LINE_WIDTH
+    blf.size(0, bpy.context.preferences.ui_styles[0].widget.points * system.ui_scale)
+    width = region.width if region.type == "UI" else 20 * POPOVER_UNITS * system.ui_scale
+    part = (width - (TEXT_MARGIN + space) * system.ui_scale) / max(blf.dimensions(0, text)[0], 1)
+    return max(int(part * len(text)), 1)
+
+
+def fits(text, space):
+    """Return whether the sidebar has space for a text in one line."""
+    return characters_of(text, space) >= len(text)
+
+
+def lines_of(text, space=0):
+    """Return a text in lines that are as wide as the sidebar, or as the popover of the status."""
+    width = characters_of(text, space)
+    return textwrap.wrap(text, width if width >= len(text) else max(int(WIDE_LETTERS * width), 1))
 
 
 def shortened(text, label):
     """Return a text, or its start and an ellipsis, so that it fits into one line with a label and its icons."""
-    if fits(f"{label} {text}", ICON_WIDTH):
-        return text
-    size = next((k for k in range(len(text) - 1, 0, -1) if fits(f"{label} {text[:k]}…", ICON_WIDTH)), 0)
-    return f"{text[:size]}…"
-
-
-def parts_of(word, space):
-    """Return a word in parts that fit into a line, such as the name of a file."""
-    while word:
-        size = next((k for k in range(len(word), 1, -1) if fits(word[:k], space)), 1)
-        yield word[:size]
-        word = word[size:]
+    whole = f"{label} {text}"
+    left = len(whole) - characters_of(whole, ICON_WIDTH)
+    return text if left <= 0 else f"{text[: -left - 2]}…"
 
 
 def show_text(layout, text, icon, space=0):

@@ -17,11 +17,11 @@ from .handles import plane_handles, skin_handles
 from .inspection import replay, taxel_mesh
 from .live import diagnoses, updates
 from .overlay import drawing
-from .properties import grid, inspect, link, robot, skin, warning
+from .properties import inspect, link, robot, warning
 from .scene import preferences, results
 
 # Groups of properties first, each after those that it contains; what draws the links listens to undo after the session.
-OURS = (warning, grid, skin, inspect, link, robot, preferences)
+OURS = (warning, inspect, link, robot, preferences)
 AFTER_PANELS = (drawing, session, updates, diagnoses, plane_handles, skin_handles, replay, taxel_mesh, command)
 _modules: list[ModuleType] = []
 

@@ -5,7 +5,7 @@ A link is known by the ``session_uid`` of its object: undo, redo and another nam
 one, and so has each object of a file that is opened.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any
@@ -19,6 +19,7 @@ from .live.sketch import Sketch
 from .overlay.layers import Layers
 from .scene.facets import Facets
 
+SCENE_REPLACED = ("undo_post", "redo_post", "load_post")  # events after which all objects can be different
 Input = tuple[str, Facets | None]  # plan as text, and mesh of a link; or why one of them cannot be read, and None
 
 
@@ -188,3 +189,9 @@ HANDLERS = {"undo_post": _undone, "redo_post": _undone, "load_post": _opened}
 def unregister() -> None:
     """Forget all links."""
     session.clear()
+
+
+def wake(timer: Callable[[], float | None], seconds: float = 0.0) -> None:
+    """Call a timer after a delay, if it does not wait already; it returns the seconds to its next call, None to end."""
+    if not bpy.app.timers.is_registered(timer):
+        bpy.app.timers.register(timer, first_interval=seconds)

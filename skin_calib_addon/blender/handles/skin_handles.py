@@ -9,10 +9,10 @@ from mathutils.geometry import intersect_line_plane
 
 from ..overlay import drawing
 from ..scene.link_meshes import link_frame
+from ..scene.points_on_link import point_and_normal_under, ray_under
 from ..scene.skins import fix_pose, point_of, put_point, root_row
 from ..scene.units import metres_per_unit
 from .plane_handles import basis_at, end_drag, is_shown, undo_drags
-from .view import point_and_normal_under, ray_under
 
 COLOURS = {
     "origin": (1.0, 0.85, 0.2),

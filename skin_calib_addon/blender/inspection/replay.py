@@ -18,11 +18,10 @@ from ...common.arrays import Array
 from ...common.errors import counted
 from ...inspection.replaying import Replay
 from ...runtime import Frame
-from .. import events
 from ..overlay import drawing
 from ..overlay.layers import Layer, heat_layer, replay_lines
 from ..overlay.scales import Legend
-from ..session import Playing, session
+from ..session import Playing, session, wake
 from .taxels import result_of
 
 # Stored recordings. Larger: more memory; smaller: undo does not show older ones again.
@@ -136,7 +135,7 @@ def play(link: bpy.types.Object) -> None:
         return
     _begin(link, 0 if frame == len(replay) - 1 else frame)
     show(link)
-    events.wake(tick)
+    wake(tick)
 
 
 def _begin(link: bpy.types.Object, frame: int) -> None:

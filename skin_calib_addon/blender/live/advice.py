@@ -149,9 +149,9 @@ TRIM = Action("wm.context_set_boolean", "Trim the Sheet", _trim)
 PAINT = Action("skin_calib.boards_paint", "Paint Boards", _paint)
 ACROSS = Action("skin_calib.grid_across", "Use Across", _across)
 
-# By the code of a warning, or the class of an error: the actions, the first that applies is offered; or why there is
-# none. docs/troubleshooting.md explains the codes.
-ACTIONS: dict[str, tuple[Action, ...] | str] = {
+# By the code of a warning, or the class of an error: the actions, of which the first that applies is offered.
+# Others have none: only the author can decide, or nothing is to be done. docs/troubleshooting.md explains the codes.
+ACTIONS: dict[str, tuple[Action, ...]] = {
     "outdated-proposal": (Action("skin_calib.propose", "Propose Again", lambda *_: {}),),
     "off-mesh": (CUT, SEEN, SECTOR, PROPOSE),
     "folded": (SECTOR, CUT, PROPOSE),
@@ -161,39 +161,17 @@ ACTIONS: dict[str, tuple[Action, ...] | str] = {
     "not-converged": (AXIS,),
     "undercut": (CUT, SECTOR),
     "chords-refused": (Action("wm.context_set_boolean", "Follow the Facets", _facets),),
-    "outlier-vertices": "the fit leaves these vertices out already",
-    "short-surface": "only the author knows whether the open part carries skin",
-    "planes-nearly-parallel": "only the author knows which plane is right; both have handles",
     "overlap": (Action("wm.context_set_int", "Fewer Cells", _fewer),),
     "over-hole": (TRIM,),
     "board-gap": (PAINT,),
     "board-overhang": (PAINT,),
-    "empty-group": "only the author knows which faces belong to it, or whether another group was meant",
-    "oblique": "where the skin goes instead is a decision of the author; it has a handle",
-    "strain": "where the sheet goes instead is a decision of the author; it has a handle",
-    "skins-overlap": "which of the two skins moves is a decision of the author; both have handles",
-    "no-uncertainty": "it follows from strain or a fold, which have their own warnings",
     "EmptySection": (SECTOR, MARGIN, PROPOSE),
     "OutsideSurface": (TRIM,),
     "UnreachableTolerance": (Action("wm.context_set_float", "Allow This Error", _tolerance),),
-    "UnderdeterminedFit": "the message has the number that is needed",
     "InvalidPlan": (ACROSS,),  # of a thin sheet; otherwise the message names the field that is wrong
-    "InvalidMesh": "the mesh is edited in Edit Mode, or read again",
     "parts": (Action("wm.context_set_enum", "Keep Outer Shell", _outer),),
     "holes": (HOLES,),
     "branching-edges": (Action("skin_calib.show_defects", "Select Edges", lambda *_: {}),),
-    "flipped-faces": "Shift-N in Edit Mode mends the normals, and only the author knows whether all are wrong",
-    "inward-part": "Shift-N in Edit Mode mends the normals, and only the author knows whether all are wrong",
-    "one-sided-part": "where it is cut open is a decision of the author",
-    "back-to-back": "which side goes is a decision of the author",
-    "mesh-size": "it is information",
-    "dropped-faces": "it is information",
-    "flat-faces": "it is information",
-    "fit": "it is information",
-    "channel-order": "the plan has the order of the channels, the robot the wires",
-    "wrong-taxel": "the plan has the order of the channels, the robot the wires",
-    "grazing-touch": "the touch is left out already",
-    "touch-height": "the frame of the touches, or the offset of the skin, is wrong, and only the author knows which",
 }
 
 
@@ -201,9 +179,8 @@ def offered(warning: Warning, plan: Any, metre: float) -> Iterator[tuple[Action,
     """Yield the actions that apply to a warning now, each with the properties of its operator."""
     if warning.where.surface not in ("", *surface_names(plan)):
         return  # renamed or removed after the fit
-    actions = ACTIONS.get(warning.code, ())
     on = Subject.of(warning, plan)
-    for action in actions if isinstance(actions, tuple) else ():
+    for action in ACTIONS.get(warning.code, ()):
         properties = action.properties(warning, on, metre)
         if properties is not None and _trial(plan.id_data, warning, action) not in session.of(plan.id_data).in_vain:
             yield action, properties

@@ -1,20 +1,100 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The plan as properties of an object, saved in the .blend; each group has one member of the plan file."""
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
+from ...common.errors import InvalidPlan
 from ...plan import keys
 from ..live import updates
-from . import grid as grid_properties
+from ..scene.fields import read_cells
 from . import inspect as inspect_properties
-from . import skin as skin_properties
 from . import warning
 from .millimetres import with_millimetres
-from .of_keys import of_keys
-from .options import FILE, FIXED, PLAN, choice, flag, length, many, number, text, whole
+from .of_keys import items_of, of_keys
+from .options import FILE, FIXED, PLAN, choice, flag, length, many, number, outdate, text, whole
+
+
+@of_keys(keys.PLANE)
+class SKIN_PG_plane(bpy.types.PropertyGroup):
+    """A plane in the link frame."""
+
+
+def _give_handles(family: str) -> Callable[[Any, Any], None]:
+    """Return an update that gives the handles to the plane that is selected in a list."""
+
+    def give(group: Any, _context: Any) -> None:
+        group.id_data.skin_calib.held = family
+
+    return give
+
+
+@of_keys(keys.COVER)
+class SKIN_PG_cover(bpy.types.PropertyGroup):
+    """What of the mesh is covered with skin."""
+
+    cut_index: whole(name="Cut", description="Which cut has the handles", min=0, update=_give_handles("CUT"))
+
+
+@of_keys(*keys.GRIDS.values())
+class SKIN_PG_grid(bpy.types.PropertyGroup):
+    """Where the planes are."""
+
+    kind: EnumProperty(
+        name="Kind", description="How planes and lines are given", items=items_of(keys.GRID_KINDS), **PLAN
+    )
+    region: EnumProperty(
+        name="Region", description="What the automatic grid covers", items=items_of(keys.GRID_REGIONS), **PLAN
+    )
+    u_index: whole(name="U-Plane", description="Which u-plane is selected", min=0, update=_give_handles("U"))
+    v_index: whole(name="V-Plane", description="Which v-plane is selected", min=0, update=_give_handles("V"))
+
+
+def _check_cells(skin: Any, context: Any) -> None:
+    outdate(skin, context)
+    try:
+        skin.cells_wrong = not read_cells(skin.cells)
+    except InvalidPlan:
+        skin.cells_wrong = True
+
+
+@of_keys(keys.LANDMARK)
+class SKIN_PG_landmark(bpy.types.PropertyGroup):
+    """A cell that is pinned to a point."""
+
+
+@of_keys(keys.ZONE)
+class SKIN_PG_zone(bpy.types.PropertyGroup):
+    """A disc that boards must not cover."""
+
+
+@of_keys(keys.SINGLE_TAXEL)
+class SKIN_PG_single_taxel(bpy.types.PropertyGroup):
+    """A taxel that differs from the others of its skin."""
+
+
+@of_keys(*keys.SKINS_OF.values())
+class SKIN_PG_skin(bpy.types.PropertyGroup):
+    """A sheet of taxels, hexagonal boards, or taxels of a file."""
+
+    kind: EnumProperty(name="Kind", description="What the skin is made of", items=items_of(keys.SKIN_KINDS), **PLAN)
+    zone_group: StringProperty(
+        name="Vertex Group",
+        description="Boards stay off the faces of this vertex group, as it is at each fit. A plan file has excluded "
+        "zones over these faces",
+        **PLAN,
+    )
+    opened: flag(name="Open", description="Show what this skin has, in a list of several")
+    cells: text(
+        name="Cells",
+        description="The boards as q,r with spaces between: 0,0 is the root, q counts along its row, r along the "
+        "direction 60 degrees to its left",
+        update=_check_cells,
+    )
+    cells_wrong: flag(description="The list of cells is empty or cannot be read", default=True)
 
 
 class SKIN_PG_number(bpy.types.PropertyGroup):
@@ -94,11 +174,9 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
     diagnosis: PointerProperty(
         type=warning.SKIN_PG_diagnosis, name="Diagnosis", description="The result of the last check of the mesh"
     )
-    cover: PointerProperty(
-        type=grid_properties.SKIN_PG_cover, name="Cover", description="What of the mesh is covered with skin"
-    )
-    grid: PointerProperty(type=grid_properties.SKIN_PG_grid, name="Grid", description="Where planes and lines are")
-    skins: many(type=skin_properties.SKIN_PG_skin, name="Skins", description="Sheets and boards on the link")
+    cover: PointerProperty(type=SKIN_PG_cover, name="Cover", description="What of the mesh is covered with skin")
+    grid: PointerProperty(type=SKIN_PG_grid, name="Grid", description="Where planes and lines are")
+    skins: many(type=SKIN_PG_skin, name="Skins", description="Sheets and boards on the link")
     response: many(
         type=SKIN_PG_number, name="Response", description="Polynomial from readings to newtons, lowest power first"
     )

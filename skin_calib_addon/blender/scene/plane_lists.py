@@ -9,8 +9,7 @@ import numpy as np
 
 from ...common.arrays import Array
 from ...geometry import Planes
-from .decimals import in_units, vector
-from .units import metres_per_unit
+from .units import in_units, metres_per_unit, vector
 
 FAMILIES = ("CUT", "U", "V")
 

@@ -20,8 +20,8 @@ from ...plan.keys import SKIN_KINDS, SKINS_OF
 from ...plan.skins import BoardSkin, Frame, ImportedSkin, SheetSkin, Skin
 from ...skin.sheet.wrap import root_of
 from . import fields
-from .decimals import in_units
 from .face_groups import zones_of
+from .units import in_units
 
 
 def read_skin(group: Any, metre: float) -> Skin:
