@@ -251,7 +251,9 @@ def fits(text, space):
 def lines_of(text, space=0):
     """Return a text in lines that are as wide as the sidebar, or as the popover of the status."""
     width = characters_of(text, space)
-    return textwrap.wrap(text, width if width >= len(text) else max(int(WIDE_LETTERS * width), 1))
+    if width < len(text) and not bpy.app.background:
+        width = max(int(WIDE_LETTERS * width), 1)
+    return textwrap.wrap(text, width)
 
 
 def shortened(text, label):

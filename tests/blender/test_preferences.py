@@ -4,8 +4,6 @@ import importlib
 
 import pytest
 
-from tests.blender.test_registration import draw
-
 
 @pytest.fixture
 def settings(bpy, extension):
@@ -35,13 +33,3 @@ def test_scene_without_a_skin_gets_that_of_the_preferences(bpy, extension, setti
     scene.skin = "sheet:6x22x10mm"
     propose.chosen(bpy.context)
     assert wanted == ["hexagons:8mm", "sheet:6x22x10mm"]
-
-
-def test_lines_have_the_colours_of_the_preferences(bpy, extension, settings, link):
-    """A layer with a colour of its own keeps it."""
-    drawing = importlib.import_module(f"{extension}.skin_calib_addon.blender.overlay.drawing")
-    layers = importlib.import_module(f"{extension}.skin_calib_addon.blender.overlay.layers")
-    settings.cells = (0.25, 0.5, 0.75, 1.0)
-    assert drawing._colour(layers.Layer("CELLS", None)) == (0.25, 0.5, 0.75, 1.0)
-    assert drawing._colour(layers.Layer("TOUCHES", None, colour=(1, 0, 0, 1))) == (1, 0, 0, 1)
-    assert "skin" in draw(bpy, "link")

@@ -74,17 +74,6 @@ def test_second_call_replaces_the_faces(bpy, link):
     assert bpy.context.object == link and not thing.skin_calib.link
 
 
-def test_taxels_follow_the_link(bpy, link):
-    """They are below the link in the scene, and move with it."""
-    bpy.ops.skin_calib.fit()
-    thing = made(bpy)
-    bpy.context.view_layer.update()
-    before = np.array(thing.matrix_world)
-    link.location.x += 0.5
-    bpy.context.view_layer.update()
-    assert_allclose(np.array(thing.matrix_world)[:3, 3] - before[:3, 3], (0.5, 0, 0), atol=1e-7)
-
-
 def test_forces_follow_the_timeline(bpy, ours, link, record):  # noqa: F811
     """Scrubbing shows the frame of the recording at that time; so does the evaluated mesh, which is rendered."""
     scene = bpy.context.scene
@@ -101,11 +90,6 @@ def test_forces_follow_the_timeline(bpy, ours, link, record):  # noqa: F811
     bpy.ops.skin_calib.replay_close()
     scene.frame_set(27)  # without a recording nothing changes
     assert values(thing, "force").argmax() == 0
-
-
-def test_taxels_without_a_fit_are_refused(bpy, link):
-    """The button says what to do first."""
-    assert not bpy.ops.skin_calib.taxel_mesh.poll()
 
 
 def test_force_is_that_of_the_taxel_or_none(bpy, ours, link, record, tmp_path):  # noqa: F811
