@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 
 from ..skin_calib_addon.blender.overlay import drawing
-from ..skin_calib_addon.blender.scene import skins
+from ..skin_calib_addon.blender.scene import cut_away, skins
 from ..skin_calib_addon.blender.scene.face_groups import group_triangles, triangles_of
 from ..skin_calib_addon.blender.scene.skins import entry
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
@@ -72,8 +72,7 @@ class SKIN_OT_zones_from_faces(OnSkin, Edit, Operator):
 def selected(link):
     """Return which faces are selected in Edit Mode, shape (f,); an error if none is."""
     link.update_from_editmode()
-    chosen = np.zeros(len(link.data.polygons), bool)
-    link.data.polygons.foreach_get("select", chosen)
+    chosen = cut_away.selection_of(link)
     if not chosen.any():
         raise InvalidMesh(f"No face of {link.name} is selected. Select the faces without skin.")
     return chosen

@@ -21,7 +21,6 @@ TEXT_COLOUR = (1.0, 1.0, 1.0, 1.0)
 BACKGROUND = (0.05, 0.05, 0.05, 0.6)
 TICKS = 3  # numbers under a colour bar. Larger: wider bars
 TICK_GAP = 8  # between two numbers
-_batches: dict[Any, Any] = {}
 
 
 class LegendArea:
@@ -73,14 +72,12 @@ class LegendArea:
 
     def _fill(self, corner: tuple[float, float], size: tuple[float, float], what: Any) -> None:
         shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-        if what not in _batches:
-            _batches[what] = _strip(shader, what)
         gpu.state.blend_set("ALPHA")
         with gpu.matrix.push_pop():
             x, y = self.left + corner[0] * self.pixel, self.low + corner[1] * self.pixel
             gpu.matrix.multiply_matrix(Matrix.Translation((x, y, 0)))
             gpu.matrix.multiply_matrix(Matrix.Diagonal((size[0] * self.pixel, size[1] * self.pixel, 1, 1)))
-            _batches[what].draw(shader)
+            _strip(shader, what).draw(shader)
         gpu.state.blend_set("NONE")
 
 
@@ -113,8 +110,3 @@ def _covered(context: Any) -> tuple[float, float]:
     right = max((r.x + r.width - view.x for r in open_ if r.type == "TOOLS"), default=0)
     top = max((r.y + r.height - view.y for r in open_ if r.type == "HUD"), default=0)
     return max(float(right), 0.0), max(float(top), 0.0)
-
-
-def forget() -> None:
-    """Remove the batches."""
-    _batches.clear()
