@@ -83,7 +83,6 @@ class Followed(Edit):
     is_waiting = False  # for clicks: the skin follows also Ctrl-Z between them
 
     def execute(self, context):
-        updates.accompany(context.object)
         done = super().execute(context)
         if not self.is_waiting:
             updates.leave(context.object.session_uid)

@@ -239,6 +239,20 @@ OTHER = {
 }
 
 
+def test_undo_removes_the_preview(bpy, addon, updates, following, monkeypatch, state_of):
+    """The link is then updated to the restored plan."""
+    bpy.ops.ed.undo_push(message="before")
+    following.skin_calib.grid.n = 14
+    bpy.ops.ed.undo_push(message="after")
+    look(updates)
+    assert state_of(following).layers
+    bpy.ops.ed.undo()
+    link = bpy.context.object
+    assert not state_of(link).layers and link.skin_calib.grid.n != 14
+    rest(updates, monkeypatch)
+    assert not link.skin_calib.result.outdated
+
+
 @pytest.mark.parametrize("change", OTHER.values(), ids=OTHER)
 @pytest.mark.parametrize("follow", [False, True])
 def test_other_mesh_modifier_or_place_outdates_the_result(bpy, updates, link, change, follow, monkeypatch):

@@ -187,11 +187,10 @@ def test_sketch_draws_what_is_removed_by_each_choice_of_the_shell(bpy, coarse):
         for _ in range(6):
             outer = TriangleMesh(*trimesh.remesh.subdivide(outer.vertices, outer.faces))
     mesh = together(outer, inner)
-    rows = {"CUT": np.zeros((1, 3)), "U": np.zeros((0, 3)), "V": np.zeros((0, 3))}
-    normals = rows | {"CUT": np.array([(0, 0, 1.0)])}
+    planes = {"CUT": (((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),), "U": (), "V": ()}
     removed = {}
     for shell in ("outer", "seen", "all"):
-        layers = sketch_of(mesh, HandPlanes(rows, normals, shell, True), coarse).layers
+        layers = sketch_of(mesh, HandPlanes(planes, shell, True), coarse).layers
         (faces,) = [layer.points for layer in layers if layer.colours is not None]
         assert not coarse or len(faces) / 3 < COARSE_FACES < len(mesh.faces) / 4
         sides = np.float64(faces).reshape(-1, 3, 3)
