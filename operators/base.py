@@ -13,12 +13,12 @@ INDEX = {"min": 0, "options": {"HIDDEN"}}  # options of a property that says whi
 
 def no_mesh(context):
     """Return why the active object is not a mesh of this file."""
-    return link_objects.why_no_link(context, named=False)
+    return link_objects.why_not(context.object, named=False)
 
 
 def no_link(context):
     """Return why the active object is not such a mesh with a link name."""
-    return link_objects.why_no_link(context)
+    return link_objects.why_not(context.object)
 
 
 def no_fit(context):

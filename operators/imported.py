@@ -8,7 +8,7 @@ import bpy
 from ..skin_calib_addon.blender.inspection.comparing import TAXEL_ENDINGS
 from ..skin_calib_addon.blender.properties.of_keys import menu_of, words_of
 from ..skin_calib_addon.blender.scene import link_meshes, plans, skins
-from ..skin_calib_addon.blender.scene.fields import kept_path
+from ..skin_calib_addon.blender.scene.fields import kept_path, write_key
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.calibration.exchange import read_taxels
 from ..skin_calib_addon.geometry import cut_cover
@@ -54,4 +54,4 @@ class SKIN_OT_frame_find(OnSkin, Edit, Operator):
         cover = cut_cover(link_meshes.read_mesh(context.object, context), surface.cover)
         rotation, translation = frame_on(taxels, cover, skin.name, skin.frame)
         frame = Frame(tuple(map(tuple, rotation.tolist())), tuple(translation.tolist()))
-        skins.write_frame(plan.skins[self.skin], frame, metres_per_unit(context.scene))
+        write_key(IMPORTED.key("frame"), plan.skins[self.skin], frame, metres_per_unit(context.scene))

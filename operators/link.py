@@ -98,7 +98,9 @@ class SKIN_OT_import_urdf(FromRobot, Operator):
         robot = read_robot(path)
         if self.link:
             return self.reader_of(path, robot, self.link, self.mesh)
-        choices = [(name, use) for name, meshes in robot.links.items() for use in USES if _has(meshes, use)]
+        choices = [
+            (name, use) for name, meshes in robot.links.items() for use in USES if any(m.use == use for m in meshes)
+        ]
         if len(choices) == 1:
             return self.reader_of(path, robot, *choices[0])
         if not choices:
@@ -129,10 +131,6 @@ class SKIN_OT_choose_link(FromRobot, Operator):
     def reader(self, path):
         use, _, link = self.choice.partition(" ")
         return self.reader_of(path, read_robot(path), link, use)
-
-
-def _has(meshes, use):
-    return any(mesh.use == use for mesh in meshes)
 
 
 class SKIN_OT_scale_to_unit(Operator):

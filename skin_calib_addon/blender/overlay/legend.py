@@ -30,7 +30,7 @@ class LegendArea:
     """
 
     def __init__(self, context: Any):
-        self.context = context
+        self.units = context.scene.unit_settings
         self.pixel = context.preferences.system.ui_scale
         right, top = _covered(context)
         self.left, self.low = MARGIN * self.pixel + right, MARGIN * self.pixel + top
@@ -38,7 +38,7 @@ class LegendArea:
     def draw(self, legend: Legend, link: str) -> None:
         """Draw a legend, and move to the right of it."""
         height = 3 * LINE_HEIGHT + BAR_SIZE[1] + (LINE_HEIGHT if legend.note else 0)
-        numbers, unit = written(np.linspace(legend.minimum, legend.maximum, TICKS).tolist(), legend.kind, _units(self))
+        numbers, unit = written(np.linspace(legend.minimum, legend.maximum, TICKS).tolist(), legend.kind, self.units)
         if legend.exceeded:
             numbers[-1] = f"≥ {numbers[-1]}"
         has_scale = legend.maximum > 0
@@ -92,10 +92,6 @@ def _strip(shader: Any, what: Any) -> Any:
             Legend("", "FRACTION", 1.0, what).colours(np.linspace(-1.0 if what else 0.0, 1, STOPS)), 2, axis=0
         )
     return batch_for_shader(shader, "TRI_STRIP", {"pos": points, "color": colours})
-
-
-def _units(area: LegendArea) -> Any:
-    return area.context.scene.unit_settings
 
 
 def _covered(context: Any) -> tuple[float, float]:

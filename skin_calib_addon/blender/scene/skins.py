@@ -17,7 +17,7 @@ from ...pipeline.sources import relative_path
 from ...plan.checks import about_skin
 from ...plan.document import skin_kind
 from ...plan.keys import SKIN_KINDS, SKINS_OF
-from ...plan.skins import BoardSkin, Frame, ImportedSkin, SheetSkin, Skin
+from ...plan.skins import BoardSkin, ImportedSkin, SheetSkin, Skin
 from ...skin.sheet.wrap import root_of
 from . import fields
 from .face_groups import zones_of
@@ -72,11 +72,6 @@ def seen_from(folder: Path, skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
         replace(skin, file=Path(relative_path(folder, skin.file))) if isinstance(skin, ImportedSkin) else skin
         for skin in skins
     )
-
-
-def write_frame(group: Any, frame: Frame, metre: float) -> None:
-    """Set the frame of an imported skin."""
-    fields.write_key(SKINS_OF["imported"].key("frame"), group, frame, metre)
 
 
 def move_skin(skin: Any, moved: SheetSkin | BoardSkin, metre: float) -> None:
