@@ -249,16 +249,6 @@ def test_warnings_of_a_fit_are_reported_and_kept(bpy, addon, plan_file, capfd):
     assert bpy.context.object.skin_calib.result.warnings[:] == []
 
 
-def test_default_length_is_in_metres(bpy, addon, link):
-    """In a scene in decimetres, 10 mm and not 1 mm."""
-    link.skin_calib.property_unset("max_deviation")
-    bpy.context.scene.unit_settings.scale_length = 0.1
-    assert addon.plans.read_plan(link, bpy.context.scene).surface.max_deviation == 0.01
-    link.skin_calib.auto_max_deviation = False
-    link.skin_calib.max_deviation = 0.05
-    assert addon.plans.read_plan(link, bpy.context.scene).surface.max_deviation == pytest.approx(0.005)
-
-
 @pytest.mark.parametrize("turn", [0, 90, 200])
 def test_added_sheet_runs_along_the_lines_of_the_fitted_surface(bpy, addon, link, turn):
     """A new sheet lies on any link: the usual direction is perpendicular to a link that is widest along y."""

@@ -15,12 +15,6 @@ def settings(bpy, extension):
             found.property_unset(item.identifier)
 
 
-def test_each_preference_has_a_tooltip_and_is_drawn(bpy, extension, settings):
-    """Those of the table of colours, and the others."""
-    own = [p for p in settings.bl_rna.properties if p.identifier not in ("rna_type", "bl_idname")]
-    assert len(own) == 9 and all(len(p.description) > 10 for p in own)
-
-
 def test_scene_without_a_skin_gets_that_of_the_preferences(bpy, extension, settings, monkeypatch):
     """The skin of the scene has priority."""
     robot = importlib.import_module(f"{extension}.operators.robot")

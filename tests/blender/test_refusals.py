@@ -161,15 +161,6 @@ def test_bad_plan_is_refused(bpy, addon, plan_file, tmp_path, case):
     assert scene_state(bpy, addon) == scene and folder_state(tmp_path) == files
 
 
-def test_unreadable_plan_is_refused(bpy, addon, tmp_path):
-    """A missing file, invalid JSON and a folder give one line each."""
-    (tmp_path / "broken.json").write_text("{")
-    for path in ("missing.json", "broken.json", "."):
-        with pytest.raises(RuntimeError, match="Error: .+"):
-            bpy.ops.skin_calib.import_plan(filepath=str(tmp_path / path))
-    assert not bpy.data.objects
-
-
 @pytest.mark.parametrize("operator", ["export_plan", "export_calibration", "export_taxels"])
 def test_path_that_cannot_be_written_is_refused(bpy, addon, link, tmp_path, operator):
     """A missing folder, a folder instead of a file, and an empty path change neither scene nor files."""

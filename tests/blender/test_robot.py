@@ -315,15 +315,6 @@ def test_propose_all_keeps_skins_that_are_added_while_it_works(bpy, plan_file, m
     assert "Proposed plans for 0 links; refused: 2" in out
 
 
-@pytest.mark.slow
-def test_propose_warns_of_changes_that_it_replaces(bpy, link, meanwhile, capfd):
-    """It replaces the plan of the active link; what was changed while it worked can be wanted."""
-    bpy.context.scene.skin_calib.skin = SKIN
-    meanwhile(lambda: setattr(link.skin_calib.skins[0], "rows", 7))
-    assert bpy.ops.skin_calib.propose() == {"FINISHED"} and link.skin_calib.proposed
-    assert "Warning: arm: the plan was changed during the proposal, which replaces it" in capfd.readouterr().out
-
-
 def test_refused_proposals_and_exports_state_the_reason(bpy, robot, tmp_path):
     """An unknown skin, a link without skin, nothing to fit, and an export before the fit."""
     scene, link = bpy.context.scene, bpy.context.object

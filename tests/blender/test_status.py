@@ -259,13 +259,3 @@ def test_closed_steps_have_a_warning_sign_for_their_warnings(bpy, link, extensio
     assert mesh.figure(plan) == "1 warning" and all(step.has_warnings(plan) for step in (mesh, fit, skin))
     plan.grid.n += 1
     assert mesh.figure(plan) == "" and not fit.is_done(plan)
-
-
-def test_worst_warning_comes_first(bpy, link, extension):
-    """Records are sorted by severity, in their order otherwise."""
-    written = modules(extension, "scene.warnings").warnings
-    records = link.skin_calib.result.warnings
-    written.write_warnings(
-        records, [written.Warning(f"c{k}", s, "") for k, s in enumerate(("note", "warning", "error"))]
-    )
-    assert [record.severity for record in records] == ["error", "warning", "note"]
