@@ -102,7 +102,7 @@ def test_taxels_for_other_programs_are_those_of_the_command_line(bpy, tmp_path):
     assert not (tmp_path / "none.rsdf").exists()
 
 
-@pytest.mark.parametrize("name", ["export_plan", "export_calibration", "export_taxels"])
+@pytest.mark.parametrize("name", ["export_plan", "export_calibration", slow("export_taxels")])
 @pytest.mark.parametrize("file", ["mesh", "skin"])
 def test_mesh_and_taxel_files_of_the_link_are_not_replaced(bpy, link, tmp_path, name, file):
     """A point cloud of taxels can have the name of the mesh; earlier results are replaced."""
@@ -120,7 +120,7 @@ def test_mesh_and_taxel_files_of_the_link_are_not_replaced(bpy, link, tmp_path, 
         assert getattr(bpy.ops.skin_calib, name)(filepath=str(tmp_path / "out.ply"), **words) == {"FINISHED"}
 
 
-@pytest.mark.parametrize("name", ["export_plan", "export_calibration", "export_taxels"])
+@pytest.mark.parametrize("name", ["export_plan", "export_calibration", slow("export_taxels")])
 def test_urdf_is_not_replaced(bpy, plan_file, tmp_path, name):
     """The robot of the link, also if it has become invalid, or another robot; frames of an earlier export are."""
     plan_file()
@@ -141,7 +141,7 @@ def test_urdf_is_not_replaced(bpy, plan_file, tmp_path, name):
         assert getattr(bpy.ops.skin_calib, name)(filepath=str(tmp_path / "out.urdf"), **words) == {"FINISHED"}
 
 
-@pytest.mark.parametrize("name", ["export_plan", "export_calibration", "export_taxels"])
+@pytest.mark.parametrize("name", ["export_plan", "export_calibration", slow("export_taxels")])
 def test_link_of_the_file_browser_is_written(bpy, link, tmp_path, name):
     """Another link can be active when the file is chosen; the one of the browser can be renamed."""
     copy, path = link.copy(), tmp_path / "out.csv"

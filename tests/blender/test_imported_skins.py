@@ -42,7 +42,7 @@ KINDS = {
 
 
 @pytest.mark.parametrize("unit_scale", [1.0, slow(0.001)])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [slow("as it is"), "every option", slow("snapped")])
 def test_plan_in_and_out_gives_the_same_bytes(
     bpy, plan_file, fit_plainly, fit_scene, tmp_path, capfd, kind, unit_scale
 ):
@@ -91,8 +91,8 @@ def test_taxels_are_added_by_their_file(bpy, addon, link, tmp_path, capfd, docum
         assert [skin.name for skin in bpy.context.object.skin_calib.skins] == left
 
 
-@pytest.mark.parametrize("unit_scale", [1.0, slow(0.001)])
-def test_wrong_frame_is_refused_and_found_by_one_click(bpy, addon, plan_file, tmp_path, unit_scale):
+@pytest.mark.parametrize("unit_scale, guesses", [(1.0, (False,)), slow(0.001, (False, True))])
+def test_wrong_frame_is_refused_and_found_by_one_click(bpy, addon, plan_file, tmp_path, unit_scale, guesses):
     """This works from no frame and from a wrong one.
 
     The taxels then have their positions, and undo restores the frame.
@@ -103,7 +103,7 @@ def test_wrong_frame_is_refused_and_found_by_one_click(bpy, addon, plan_file, tm
     bpy.ops.skin_calib.fit()
     right = taxels(addon)
     write_taxels(tmp_path / "taxels.csv", FRAME)
-    for guess in (False, True):
+    for guess in guesses:
         skin = bpy.context.object.skin_calib.skins[0]
         skin.framed, skin.translation = guess, (0.1 / unit_scale, 0, 0)
         before = list(skin.rotation), list(skin.translation), guess
@@ -176,7 +176,7 @@ def test_linked_library_finds_its_file(bpy, worn, fit_scene, tmp_path):
     assert fit_scene() == own
 
 
-@pytest.mark.parametrize("name", ["export_calibration", "export_taxels"])
+@pytest.mark.parametrize("name", ["export_calibration", slow("export_taxels")])
 def test_export_of_a_changed_taxel_file_warns_and_outdates_the_fit(bpy, worn, tmp_path, capfd, name):
     """The file has the taxels of now, and the status must not keep the tick and the number of the fit."""
     bpy.ops.skin_calib.fit()

@@ -53,7 +53,7 @@ def test_entries_work_on_the_rows_of_the_panels(bpy, link, extension):
     assert found["plane_remove"] == {"family": "v", "index": 2} and found["plane_add"] == {"family": "v"}
 
 
-@pytest.mark.parametrize("name", ["wrist", "sole", "edge"])
+@pytest.mark.parametrize("name", ["edge", slow("wrist"), slow("sole")])
 def test_sample_is_opened_from_the_extension(bpy, name):
     """It has a plan that fits."""
     assert bpy.ops.skin_calib.open_sample(name=name) == {"FINISHED"}

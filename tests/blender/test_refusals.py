@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from tests.blender.conftest import PLAN
+from tests.examples import slow
 
 
 def scene_state(bpy, addon):
@@ -161,7 +162,7 @@ def test_bad_plan_is_refused(bpy, addon, plan_file, tmp_path, case):
     assert scene_state(bpy, addon) == scene and folder_state(tmp_path) == files
 
 
-@pytest.mark.parametrize("operator", ["export_plan", "export_calibration", "export_taxels"])
+@pytest.mark.parametrize("operator", ["export_plan", "export_calibration", slow("export_taxels")])
 def test_path_that_cannot_be_written_is_refused(bpy, addon, link, tmp_path, operator):
     """A missing folder, a folder instead of a file, and an empty path change neither scene nor files."""
     (tmp_path / "folder").mkdir()

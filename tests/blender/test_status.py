@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.common import errors
 from tests.blender.conftest import modules
 from tests.blender.test_registration import draw
+from tests.examples import slow
 from tests.unit.test_docs import TROUBLES
 
 
@@ -65,7 +66,7 @@ def test_refused_fit_leaves_its_reason_until_a_change(bpy, link, updates):
     assert re.match(r"Mean 0\.\d{4} mm, 6 taxels", draw(bpy, "status")[0])
 
 
-@pytest.mark.parametrize("change", ["mesh", "plan"])
+@pytest.mark.parametrize("change", [slow("mesh"), "plan"])
 def test_refused_proposal_is_shown_until_a_change(bpy, link, updates, change):
     """Another mesh or plan removes the refusal; until then the warnings of the last fit are below it."""
     link.skin_calib.skins.clear()

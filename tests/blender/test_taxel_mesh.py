@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from tests.blender.conftest import BOARDS, PLAN
 from tests.blender.test_registration import draw
 from tests.blender.test_replay import ours, record  # noqa: F401 (fixtures)
+from tests.examples import slow
 
 STALE = "Of another fit: make it again"
 ATTRIBUTES = {"channel", "error", "strain", "sigma", "tilt", "force"}
@@ -28,7 +29,7 @@ def made(bpy):
     return next(o for o in bpy.data.objects if o.name.endswith("_taxels"))
 
 
-@pytest.mark.parametrize("metre", [1.0, 0.001])
+@pytest.mark.parametrize("metre", [slow(1.0), 0.001])
 def test_each_taxel_is_a_face_with_its_numbers(bpy, addon, plan_file, metre):
     """Corners and numbers are those of the calibration; the error is measured with another library."""
     bpy.context.scene.unit_settings.scale_length = metre
