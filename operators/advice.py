@@ -12,28 +12,25 @@ from ..skin_calib_addon.blender.scene.showing import show_place
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.pipeline.remedies import MARGIN_STEP, mends
-from .lists import INDEX
-from .on_link import OnLink
+from .base import INDEX, Operator, busy, no_link
 from .working import Working
 
 
-class OnWarning(OnLink):
+class OnWarning:
     """Works on a warning of the active link, or on the refusal of its last fit."""
 
-    bl_options = {"REGISTER", "UNDO"}
-
+    blocked_by = (no_link,)
     index: bpy.props.IntProperty(
         name="Index", description="Which warning, from 0; -1: the refusal", **INDEX | {"min": REFUSAL}
     )
 
 
-class SKIN_OT_show_warning(OnWarning, bpy.types.Operator):
+class SKIN_OT_show_warning(OnWarning, Operator):
     """Mark the place of this warning, and move cursor and view there; again: remove the mark"""
 
-    bl_idname = "skin_calib.show_warning"
     bl_label = "Show"
 
-    def execute(self, context):
+    def act(self, context):
         link = context.object
         warning, inspect = warning_at(link, self.index), link.skin_calib.inspect
         if warning is None or warning.where.point is None:
@@ -43,23 +40,23 @@ class SKIN_OT_show_warning(OnWarning, bpy.types.Operator):
         drawing.redraw()
         if inspect.marked_place == token:
             inspect.marked_place = ""
-            return {"FINISHED"}
+            return None
         inspect.marked_place = token
         drawing.cache(token, (place_of(warning.where.point, link_objects.longest_side(link, context.scene)),))
         show_place(context, link, warning.where.point)
-        return {"FINISHED"}
+        return None
 
 
-class SKIN_OT_take_advice(Working, OnWarning, bpy.types.Operator):
+class SKIN_OT_take_advice(Working, OnWarning, Operator):
     """Do what this warning advises, if a trial shows that it helps, on its surface, which the panels then show"""
 
-    bl_idname = "skin_calib.take_advice"
     bl_label = "Do What It Advises"
+    blocked_by = (no_link, busy)
 
     doing = "Trying a change"
 
-    def task(self, context):
-        link, metre = context.object, metres_per_unit(context.scene)
+    def task(self, context, link):
+        metre = metres_per_unit(context.scene)
         warning = warning_at(link, self.index)
         offers = list(offered(warning, link.skin_calib, metre)) if warning else []
         if not offers:
@@ -91,41 +88,34 @@ class SKIN_OT_take_advice(Working, OnWarning, bpy.types.Operator):
         return {"CANCELLED"}
 
 
-class SKIN_OT_margin_widen(OnLink, bpy.types.Operator):
+class SKIN_OT_margin_widen(Operator):
     """Leave more of both ends of the link free"""
 
-    bl_idname = "skin_calib.margin_widen"
     bl_label = "Widen the Margin"
-    bl_options = {"REGISTER", "UNDO"}
+    blocked_by = (no_link,)
 
-    def execute(self, context):
+    def act(self, context):
         grid = context.object.skin_calib.grid
         before = 0.0 if grid.auto_margin else grid.margin
         grid.auto_margin = False
         step = MARGIN_STEP * link_objects.longest_side(context.object, context.scene)
         grid.margin = before + step / metres_per_unit(context.scene)
-        return {"FINISHED"}
 
 
-class SKIN_OT_grid_across(OnLink, bpy.types.Operator):
+class SKIN_OT_grid_across(Operator):
     """Put the planes across a face with this outward normal"""
 
-    bl_idname = "skin_calib.grid_across"
     bl_label = "Use Across"
-    bl_options = {"REGISTER", "UNDO"}
+    blocked_by = (no_link,)
 
     normal: bpy.props.FloatVectorProperty(
         name="Outward", description="Outward normal of the face, out of the robot", default=(0, 0, -1)
     )
 
-    def execute(self, context):
+    def act(self, context):
         grid = context.object.skin_calib.grid
         if grid.kind == "auto":
             grid.region = "across"
         else:
             grid.kind = "across"
         grid.normal = self.normal
-        return {"FINISHED"}
-
-
-CLASSES = (SKIN_OT_show_warning, SKIN_OT_take_advice, SKIN_OT_margin_widen, SKIN_OT_grid_across)

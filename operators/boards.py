@@ -4,23 +4,19 @@
 import bpy
 import numpy as np
 
-from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.scene import skins
-from ..skin_calib_addon.blender.scene.decimals import vector
 from ..skin_calib_addon.blender.scene.fields import written_cells
-from ..skin_calib_addon.blender.scene.units import metres_per_unit
+from ..skin_calib_addon.blender.scene.units import metres_per_unit, vector
 from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.skin.boards.board_taxels import board_at
-from .lists import OnSkin
-from .on_link import Edit
+from .base import Followed, OnSkin, Operator
 from .picking import POINT, Picking
 
 
-class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
+class SKIN_OT_boards_paint(Followed, Picking, OnSkin, Operator):
     """Click on a board to remove it, or next to the boards to add one; the skin follows each click"""
 
-    bl_idname = "skin_calib.boards_paint"
     bl_label = "Paint Boards"
 
     point: bpy.props.FloatVectorProperty(name="Point", description="A point of the board, in the link frame", **POINT)
@@ -33,6 +29,7 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
             kinds = [skin.kind for skin in context.object.skin_calib.skins]
             self.skin = kinds.index("hexagons") if "hexagons" in kinds else 0
         self.boards(context)
+        super().check(context)
 
     def nearest(self, context):
         """Return the skin of the last fit whose board is the nearest to the point; the present one without boards."""
@@ -44,23 +41,10 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
         }
         return min(distances, key=distances.get, default=self.skin)
 
-    def begin(self, context):
-        updates.accompany(context.object)
-
-    def end(self, context):
-        super().end(context)
-        updates.leave(self.uid)
-
-    def use_mouse(self, context, event):
-        self.begin(context)
-        done = super().use_mouse(context, event)
-        updates.leave(self.uid)
-        return done
-
     def boards(self, context):
         """Return the skin and its boards of the last fit."""
         plan = context.object.skin_calib
-        skin, patches = self.of_kind(plan, "hexagons", "boards"), drawing.patches_of(context.object)
+        skin, patches = skins.of_kind(plan, self.skin, "hexagons", "boards"), drawing.patches_of(context.object)
         if len(patches) != len(plan.skins) or patches[self.skin].kind != "hexagons":
             raise SkinCalibError("Fit the link first, to see its boards.")
         return skin, patches[self.skin].taxels
@@ -81,6 +65,3 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
         else:
             cells.append(cell)
         skin.cells = written_cells(cells)
-
-
-CLASSES = (SKIN_OT_boards_paint,)

@@ -4,14 +4,13 @@
 import bpy
 import numpy as np
 
-from ..skin_calib_addon.blender.scene import cut_away, link_meshes, link_objects
-from ..skin_calib_addon.blender.scene.decimals import vector
+from ..skin_calib_addon.blender.scene import cut_away, link_meshes
 from ..skin_calib_addon.blender.scene.skins import entry
-from ..skin_calib_addon.blender.scene.units import metres_per_unit
+from ..skin_calib_addon.blender.scene.units import metres_per_unit, vector
 from ..skin_calib_addon.common.errors import InvalidMesh, SkinCalibError, counted
 from ..skin_calib_addon.geometry.grid.cut_planes import cut_normal
-from .lists import INDEX, RemoveEntry
-from .on_link import Edit, OnMesh
+from .base import INDEX, Edit, Operator, no_mesh, not_editable
+from .lists import RemoveEntry
 from .picking import NORMAL, AtCursor, Picking
 
 
@@ -42,26 +41,23 @@ class AddCut(AtCursor, Edit):
         return cut_normal(mesh, at, np.array(grid.direction) if has_axis else None)
 
 
-class SKIN_OT_cut_add(AddCut, bpy.types.Operator):
+class SKIN_OT_cut_add(AddCut, Operator):
     """Add a plane that cuts the cover; it starts at the 3D cursor, across the link, and keeps the larger part"""
 
-    bl_idname = "skin_calib.cut_add"
     bl_label = "Add Cut"
 
 
-class SKIN_OT_cut_place(Picking, AddCut, bpy.types.Operator):
+class SKIN_OT_cut_place(Picking, AddCut, Operator):
     """Click on the link to add a plane that cuts it there, across the link, and keeps the larger part"""
 
-    bl_idname = "skin_calib.cut_place"
     bl_label = "Add Cut on Link"
 
     prompts = ("Click on the link to cut it there    Esc: no cut",)
 
 
-class SKIN_OT_cut_flip(Edit, bpy.types.Operator):
+class SKIN_OT_cut_flip(Edit, Operator):
     """Keep the other side of this cut"""
 
-    bl_idname = "skin_calib.cut_flip"
     bl_label = "Flip Cut"
 
     index: bpy.props.IntProperty(name="Index", description="Which cut, from 0", **INDEX)
@@ -71,12 +67,10 @@ class SKIN_OT_cut_flip(Edit, bpy.types.Operator):
         cut.normal = [0.0 - x for x in cut.normal]  # no minus zero
 
 
-class SKIN_OT_cut_remove(RemoveEntry, bpy.types.Operator):
+class SKIN_OT_cut_remove(RemoveEntry, Operator):
     """Remove this cut from the active link"""
 
-    bl_idname = "skin_calib.cut_remove"
     bl_label = "Remove Cut"
-
     what = "cut"
 
     def entries(self, plan):
@@ -89,59 +83,44 @@ class SKIN_OT_cut_remove(RemoveEntry, bpy.types.Operator):
         )
 
 
-class SKIN_OT_cut_away(OnMesh, bpy.types.Operator):
+def not_in_edit_mode(context):
+    """Return that faces have to be selected first."""
+    return "" if context.mode == "EDIT_MESH" else "Select faces in Edit Mode (Tab) first"
+
+
+class SKIN_OT_cut_away(Operator):
     """Remove the selected faces from the cover; the mesh keeps them, and Bring Back restores them"""
 
-    bl_idname = "skin_calib.cut_away"
     bl_label = "Cut Away Selection"
-    bl_options = {"REGISTER", "UNDO"}
+    blocked_by = (no_mesh, not_editable, not_in_edit_mode)
 
-    @classmethod
-    def why_not(cls, context):
-        reason = super().why_not(context) or link_objects.why_not_editable(context.object)
-        return reason or ("" if context.mode == "EDIT_MESH" else "Select faces in Edit Mode (Tab) first")
-
-    def execute(self, context):
+    def act(self, context):
         link = context.object
         bpy.ops.object.mode_set(mode="OBJECT")  # the result is visible there, and one step of undo reverts all of it
         try:
             chosen = cut_away.selected(link)
-        except SkinCalibError as error:
+        except SkinCalibError:
             bpy.ops.object.mode_set(mode="EDIT")
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            raise
         cut_away.cut(link, chosen)
         link.skin_calib.result.outdated = True
         self.report({"INFO"}, f"{link.name}: {counted(int(chosen.sum()), 'face')} cut away")
-        return {"FINISHED"}
 
 
-class SKIN_OT_bring_back(OnMesh, bpy.types.Operator):
+def nothing_cut_away(context):
+    """Return that no face was cut away by hand."""
+    return "" if cut_away.modifier_of(context.object) else "No face of this link was cut away by hand"
+
+
+class SKIN_OT_bring_back(Operator):
     """Add the faces that were cut away by hand to the cover again"""
 
-    bl_idname = "skin_calib.bring_back"
     bl_label = "Bring Back"
-    bl_options = {"REGISTER", "UNDO"}
+    blocked_by = (no_mesh, nothing_cut_away)
 
-    @classmethod
-    def why_not(cls, context):
-        reason = super().why_not(context)
-        return reason or ("" if cut_away.modifier_of(context.object) else "No face of this link was cut away by hand")
-
-    def execute(self, context):
+    def act(self, context):
         link = context.object
         if link.mode != "OBJECT":
             bpy.ops.object.mode_set(mode="OBJECT")
         cut_away.bring_back(link)
         link.skin_calib.result.outdated = True
-        return {"FINISHED"}
-
-
-CLASSES = (
-    SKIN_OT_cut_add,
-    SKIN_OT_cut_place,
-    SKIN_OT_cut_flip,
-    SKIN_OT_cut_remove,
-    SKIN_OT_cut_away,
-    SKIN_OT_bring_back,
-)

@@ -12,15 +12,6 @@ class IntoView:
         return context.area is not None and context.area.type == "VIEW_3D"
 
 
-# Name, label, operator and endings of each handler.
-HANDLERS = (
-    ("mesh", "Skin Link Mesh", "import_mesh", ".stl;.ply;.obj;.off;.dae;.glb"),
-    ("robot", "Robot", "import_robot", ".urdf"),
-    ("link", "Skin Link of a Robot", "import_urdf", ".urdf"),
-    ("plan", "Skin Plan", "import_plan", ".json"),
-)
-
-
 def handler(name, label, operator, endings):
     """Return the class of a handler."""
     words = {"bl_idname": f"SKIN_FH_{name}", "bl_label": label, "bl_file_extensions": endings}
@@ -28,4 +19,7 @@ def handler(name, label, operator, endings):
     return type(words["bl_idname"], (IntoView, bpy.types.FileHandler), words)
 
 
-CLASSES = tuple(handler(*words) for words in HANDLERS)
+SKIN_FH_mesh = handler("mesh", "Skin Link Mesh", "import_mesh", ".stl;.ply;.obj;.off;.dae;.glb")
+SKIN_FH_robot = handler("robot", "Robot", "import_robot", ".urdf")
+SKIN_FH_link = handler("link", "Skin Link of a Robot", "import_urdf", ".urdf")
+SKIN_FH_plan = handler("plan", "Skin Plan", "import_plan", ".json")

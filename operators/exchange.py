@@ -26,9 +26,8 @@ from ..skin_calib_addon.pipeline.sources import taxel_files
 from ..skin_calib_addon.plan import load_plan, named_from, save_plan
 from ..skin_calib_addon.robot.link_mesh import is_urdf, load_plan_mesh
 from ..skin_calib_addon.robot.urdf import read_robot
+from .base import KeepsLink, Operator, busy, no_link
 from .files import Import
-from .on_link import KeepsLink, OnLink, Refusing
-from .working import WhileIdle
 
 
 def add_plan(operator, context, plan, mesh):
@@ -42,10 +41,9 @@ def add_plan(operator, context, plan, mesh):
         operator.report({"WARNING"}, "Numbers of the plan with more than seven digits were rounded")
 
 
-class SKIN_OT_import_plan(Import, bpy.types.Operator):
+class SKIN_OT_import_plan(Import, Operator):
     """Open a skin plan: its mesh becomes an object that has the plan"""
 
-    bl_idname = "skin_calib.import_plan"
     bl_label = "Import Skin Plan"
 
     filename_ext = ".json"
@@ -68,9 +66,10 @@ class SKIN_OT_import_plan(Import, bpy.types.Operator):
         return read
 
 
-class Export(Refusing, ExportHelper):
+class Export(KeepsLink, ExportHelper):
     """Writes a file about the active link; the browser proposes the name of the link, in the last folder."""
 
+    blocked_by = (no_link, busy)
     filename_ext = ".json"
     filter_glob: bpy.props.StringProperty(default="*.json", options={"HIDDEN"})
 
@@ -159,12 +158,11 @@ def _has_mesh(path, plan, mesh):
         return False
 
 
-class SKIN_OT_export_plan(KeepsLink, OnLink, Export, bpy.types.Operator):
+class SKIN_OT_export_plan(Export, Operator):
     """Write the plan of the active link, and its mesh next to it unless the file there is the same"""
 
-    bl_idname = "skin_calib.export_plan"
     bl_label = "Export Skin Plan"
-    bl_options = {"REGISTER", "UNDO"}
+    blocked_by = (no_link,)
 
     ending = ".plan.json"
 
@@ -173,10 +171,9 @@ class SKIN_OT_export_plan(KeepsLink, OnLink, Export, bpy.types.Operator):
         return ()
 
 
-class SKIN_OT_export_calibration(KeepsLink, WhileIdle, OnLink, Export, bpy.types.Operator):
+class SKIN_OT_export_calibration(Export, Operator):
     """Write the calibration of the active link, from its current plan and mesh"""
 
-    bl_idname = "skin_calib.export_calibration"
     bl_label = "Export Skin Calibration"
     bl_options = {"REGISTER"}
 
@@ -188,10 +185,9 @@ class SKIN_OT_export_calibration(KeepsLink, WhileIdle, OnLink, Export, bpy.types
         return warnings
 
 
-class SKIN_OT_export_taxels(KeepsLink, WhileIdle, OnLink, Export, bpy.types.Operator):
+class SKIN_OT_export_taxels(Export, Operator):
     """Write the taxels of the active link for another program, from its current plan and mesh"""
 
-    bl_idname = "skin_calib.export_taxels"
     bl_label = "Export Taxels"
     bl_options = {"REGISTER"}
 
@@ -229,6 +225,18 @@ class SKIN_OT_export_taxels(KeepsLink, WhileIdle, OnLink, Export, bpy.types.Oper
         return warnings
 
 
+def register():
+    """Add the entries in File > Import and Export."""
+    bpy.types.TOPBAR_MT_file_import.append(draw_import)
+    bpy.types.TOPBAR_MT_file_export.append(draw_export)
+
+
+def unregister():
+    """Remove them."""
+    bpy.types.TOPBAR_MT_file_export.remove(draw_export)
+    bpy.types.TOPBAR_MT_file_import.remove(draw_import)
+
+
 def draw_import(menu, _context):
     """Add the entries in File > Import."""
     menu.layout.operator(SKIN_OT_import_plan.bl_idname, text="Skin Plan (.json)")
@@ -245,4 +253,23 @@ def draw_export(menu, _context):
     menu.layout.operator("skin_calib.export_robot", text="Skins of a Robot (folder)")
 
 
-CLASSES = (SKIN_OT_import_plan, SKIN_OT_export_plan, SKIN_OT_export_calibration, SKIN_OT_export_taxels)
+SAMPLES = Path(__file__).resolve().parent.parent / "sample_scenes"
+
+
+class SKIN_OT_open_sample(Operator):
+    """Add a link with a plan that comes with the extension"""
+
+    bl_label = "Open Sample"
+
+    name: bpy.props.EnumProperty(
+        name="Sample",
+        description="Which link",
+        items=[
+            ("wrist", "Wrist", "A limb with a sheet around it"),
+            ("sole", "Sole", "A foot with a sheet below its sole"),
+            ("edge", "Edge", "A limb with an edge, and a sheet over it"),
+        ],
+    )
+
+    def act(self, context):
+        return bpy.ops.skin_calib.import_plan(filepath=str(SAMPLES / f"{self.name}.plan.json"))

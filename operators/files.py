@@ -8,7 +8,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..skin_calib_addon.blender.live.background import Work
 from ..skin_calib_addon.common.errors import SkinCalibError
-from .on_link import Refusing
+from .base import KeepsLink, Operator, no_fit, no_link
 from .working import MAX_BLOCKING_TIME, Waiting
 
 _reading: list[tuple] = []  # what SKIN_OT_import_wait waits for: name of the file, work, and what uses its result
@@ -31,8 +31,6 @@ class Import(FromFile):
     A large file that was chosen by hand is read in a thread; :class:`SKIN_OT_import_wait` then adds it.
     """
 
-    bl_options = {"REGISTER", "UNDO"}
-
     by_hand = False  # whether it was chosen in the window
 
     def reader(self, path):
@@ -50,28 +48,23 @@ class Import(FromFile):
             return self.execute(context)
         return super().invoke(context, event)
 
-    def execute(self, context):
+    def act(self, context):
         path = Path(bpy.path.abspath(self.filepath))
-        try:
-            read = self.reader(path)
-            if read is None:
-                return {"CANCELLED"}  # the scene is unchanged
-            work = Work(lambda begin: read())
-            if work.is_done(MAX_BLOCKING_TIME if self.by_hand else None):
-                self.use(self, context, *work.result())
-                return {"FINISHED"}
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        read = self.reader(path)
+        if read is None:
+            return {"CANCELLED"}  # the scene is unchanged
+        work = Work(lambda begin: read())
+        if work.is_done(MAX_BLOCKING_TIME if self.by_hand else None):
+            self.use(self, context, *work.result())
+            return {"FINISHED"}
         _reading[:] = [(path.name, work, type(self).use)]
         bpy.ops.skin_calib.import_wait("INVOKE_DEFAULT")
         return {"CANCELLED"}
 
 
-class SKIN_OT_import_wait(Waiting, bpy.types.Operator):
+class SKIN_OT_import_wait(Waiting, Operator):
     """Wait for the file that is read, and add what it has to the scene"""
 
-    bl_idname = "skin_calib.import_wait"
     bl_label = "Import"
     bl_options = {"UNDO", "INTERNAL"}
 
@@ -89,13 +82,10 @@ class SKIN_OT_import_wait(Waiting, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class LooksAtFile(Refusing, FromFile):
-    """Compares the active link with a file; ``look`` returns the result in one line."""
+class LooksAtFile(KeepsLink, FromFile):
+    """Compares the fit of the active link with a file; ``look`` returns the result in one line."""
 
-    bl_options = {"REGISTER", "UNDO"}
+    blocked_by = (no_link, no_fit)
 
     def act(self, context):
         self.report({"INFO"}, self.look(context, bpy.path.abspath(self.filepath)))
-
-
-CLASSES = (SKIN_OT_import_wait,)

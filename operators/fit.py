@@ -3,18 +3,16 @@
 
 from dataclasses import replace
 
-import bpy
-
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.overlay.layers import maximum_of
 from ..skin_calib_addon.blender.properties.inspect import maximum_token
-from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans, results, skins
+from ..skin_calib_addon.blender.scene import link_meshes, plans, results, skins
 from ..skin_calib_addon.blender.scene.showing import show_place
 from ..skin_calib_addon.blender.scene.warnings import refusal_of
 from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import SkinCalibError
-from .on_link import OnLink, OnResult
+from .base import Operator, busy, no_fit, no_link
 from .working import Working
 
 
@@ -42,17 +40,16 @@ def _is_unchanged(context, link, plan, facets):
         return False
 
 
-class SKIN_OT_fit(Working, OnLink, bpy.types.Operator):
+class SKIN_OT_fit(Working, Operator):
     """Fit the surface and place the skins of the active link; Esc stops a long fit"""
 
-    bl_idname = "skin_calib.fit"
     bl_label = "Fit"
-    bl_options = {"REGISTER", "UNDO"}
+    blocked_by = (no_link, busy)
 
     doing = "Fitting"
 
-    def task(self, context):
-        self.given, task = fit_of(context, context.object)
+    def task(self, context, link):
+        self.given, task = fit_of(context, link)
         return task
 
     def store(self, context, link, result):
@@ -64,37 +61,32 @@ class SKIN_OT_fit(Working, OnLink, bpy.types.Operator):
         for warning in results.warnings_of(link, calibrated):  # last, because the window shows what was reported last
             self.report({"WARNING"}, str(warning))
 
+    def keep_reason(self, link, error):
+        updates.refuse(link, refusal_of(error))
+
     def refuse(self, error):
-        """Report why there is no fit. The reason stays in the panel, which a pop-up would hide."""
-        link = link_objects.of_uid(self.uid)
-        if link is not None:
-            updates.refuse(link, refusal_of(error))
+        """Report why there is no fit. The reason is in the panel, which a pop-up would hide."""
         if not self.options.is_invoke:
             return super().refuse(error)
         self.report({"WARNING"}, skins.in_window(error))
         return {"CANCELLED"}
 
 
-class SKIN_OT_show_worst(OnResult, bpy.types.Operator):
+class SKIN_OT_show_worst(Operator):
     """Mark the maximum deviation of surface from mesh, and move cursor and view there; again: remove the mark"""
 
-    bl_idname = "skin_calib.show_worst"
     bl_label = "Show Maximum Deviation"
-    bl_options = {"REGISTER", "UNDO"}
+    blocked_by = (no_link, no_fit)
 
-    def execute(self, context):
+    def act(self, context):
         settings = context.object.skin_calib
         key, inspect = settings.result.key, settings.inspect
         drawing.redraw()
         if inspect.marked == key:
             inspect.marked = ""
-            return {"FINISHED"}
+            return
         inspect.marked, fit = key, results.find(key).worst_fit
         drawing.cache(maximum_token(key), (maximum_of(fit),))
         _, point, distance = fit.worst
         show_place(context, context.object, point)
         self.report({"INFO"}, f"Distance from surface to mesh at the 3D cursor: {distance * 1e3:.4f} mm")
-        return {"FINISHED"}
-
-
-CLASSES = (SKIN_OT_fit, SKIN_OT_show_worst)

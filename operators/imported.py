@@ -8,22 +8,20 @@ import bpy
 from ..skin_calib_addon.blender.inspection.comparing import TAXEL_ENDINGS
 from ..skin_calib_addon.blender.properties.of_keys import menu_of, words_of
 from ..skin_calib_addon.blender.scene import link_meshes, plans, skins
-from ..skin_calib_addon.blender.scene.fields import kept_path
+from ..skin_calib_addon.blender.scene.fields import kept_path, write_key
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.calibration.exchange import read_taxels
 from ..skin_calib_addon.geometry import cut_cover
 from ..skin_calib_addon.plan.keys import IMPORTED
 from ..skin_calib_addon.plan.skins import Frame
 from ..skin_calib_addon.skin.imported import frame_on
+from .base import Edit, KeepsLink, OnSkin, Operator
 from .files import FromFile
-from .lists import OnSkin
-from .on_link import Edit, KeepsLink
 
 
-class SKIN_OT_skin_import(KeepsLink, Edit, FromFile, bpy.types.Operator):
+class SKIN_OT_skin_import(KeepsLink, Edit, FromFile, Operator):
     """Add a skin to the active link: the taxels of a file that another program wrote"""
 
-    bl_idname = "skin_calib.skin_import"
     bl_label = "Import Taxels"
 
     filter_glob: bpy.props.StringProperty(
@@ -42,14 +40,13 @@ class SKIN_OT_skin_import(KeepsLink, Edit, FromFile, bpy.types.Operator):
         self.report({"INFO"}, f"{Path(path).name}: {len(taxels.labels)} taxels{named}")
 
 
-class SKIN_OT_frame_find(OnSkin, Edit, bpy.types.Operator):
+class SKIN_OT_frame_find(OnSkin, Edit, Operator):
     """Find the rotation and translation that put the taxels of the file on the mesh, if only one pose fits"""
 
-    bl_idname = "skin_calib.frame_find"
     bl_label = "Find Frame"
 
     def edit(self, context, plan):
-        self.of_kind(plan, "imported", "frame of a file")
+        skins.of_kind(plan, self.skin, "imported", "frame of a file")
         read = plans.read_plan(context.object, context.scene)
         skin = read.skins[self.skin]
         taxels = read_taxels(skin.file, skin.format, skin.only)
@@ -57,7 +54,4 @@ class SKIN_OT_frame_find(OnSkin, Edit, bpy.types.Operator):
         cover = cut_cover(link_meshes.read_mesh(context.object, context), surface.cover)
         rotation, translation = frame_on(taxels, cover, skin.name, skin.frame)
         frame = Frame(tuple(map(tuple, rotation.tolist())), tuple(translation.tolist()))
-        skins.write_frame(plan.skins[self.skin], frame, metres_per_unit(context.scene))
-
-
-CLASSES = (SKIN_OT_skin_import, SKIN_OT_frame_find)
+        write_key(IMPORTED.key("frame"), plan.skins[self.skin], frame, metres_per_unit(context.scene))

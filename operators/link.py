@@ -6,15 +6,15 @@ import numpy as np
 
 from ..skin_calib_addon.blender.live import diagnoses
 from ..skin_calib_addon.blender.scene import link_meshes, link_objects, showing
-from ..skin_calib_addon.common.errors import SkinCalibError, UnknownLink, counted
+from ..skin_calib_addon.common.errors import UnknownLink, counted
 from ..skin_calib_addon.common.findings import show
 from ..skin_calib_addon.geometry.mesh.defects import edges_at
 from ..skin_calib_addon.geometry.mesh.triangle_mesh import read_mesh
 from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, UNITS, likely_mistake, likely_unit
 from ..skin_calib_addon.robot.link_mesh import USES, axis_warning, load_link, meshes_of
 from ..skin_calib_addon.robot.urdf import read_robot
+from .base import Operator, busy, no_mesh, not_editable
 from .files import Import
-from .on_link import OnMesh
 from .working import Working
 
 _choices: list[tuple[str, str, str]] = []  # items of the search in the open URDF; Blender does not keep their texts
@@ -40,10 +40,9 @@ class ImportLink(Import):
     use = staticmethod(add_link)
 
 
-class SKIN_OT_import_mesh(ImportLink, bpy.types.Operator):
+class SKIN_OT_import_mesh(ImportLink, Operator):
     """Open the mesh of a robot link: it becomes a link with the name of the file"""
 
-    bl_idname = "skin_calib.import_mesh"
     bl_label = "Import Link Mesh"
 
     filter_glob: bpy.props.StringProperty(default="*.stl;*.ply;*.obj;*.off;*.dae;*.glb", options={"HIDDEN"})
@@ -79,10 +78,9 @@ class FromRobot(ImportLink):
         return lambda: (load_link(path, robot, link, use), "m", link, file, warning)
 
 
-class SKIN_OT_import_urdf(FromRobot, bpy.types.Operator):
+class SKIN_OT_import_urdf(FromRobot, Operator):
     """Open a link of a robot, with its meshes in the link frame as in the URDF"""
 
-    bl_idname = "skin_calib.import_urdf"
     bl_label = "Import Link of a Robot"
 
     filter_glob: bpy.props.StringProperty(default="*.urdf;*.xml", options={"HIDDEN"})
@@ -100,7 +98,9 @@ class SKIN_OT_import_urdf(FromRobot, bpy.types.Operator):
         robot = read_robot(path)
         if self.link:
             return self.reader_of(path, robot, self.link, self.mesh)
-        choices = [(name, use) for name, meshes in robot.links.items() for use in USES if _has(meshes, use)]
+        choices = [
+            (name, use) for name, meshes in robot.links.items() for use in USES if any(m.use == use for m in meshes)
+        ]
         if len(choices) == 1:
             return self.reader_of(path, robot, *choices[0])
         if not choices:
@@ -113,10 +113,9 @@ class SKIN_OT_import_urdf(FromRobot, bpy.types.Operator):
         return None
 
 
-class SKIN_OT_choose_link(FromRobot, bpy.types.Operator):
+class SKIN_OT_choose_link(FromRobot, Operator):
     """Choose a link of this robot: type a part of its name"""
 
-    bl_idname = "skin_calib.choose_link"
     bl_label = "Choose Link"
     bl_property = "choice"
 
@@ -134,16 +133,11 @@ class SKIN_OT_choose_link(FromRobot, bpy.types.Operator):
         return self.reader_of(path, read_robot(path), link, use)
 
 
-def _has(meshes, use):
-    return any(mesh.use == use for mesh in meshes)
-
-
-class SKIN_OT_scale_to_unit(OnMesh, bpy.types.Operator):
+class SKIN_OT_scale_to_unit(Operator):
     """Scale the object, not its mesh, because its numbers have another unit than assumed"""
 
-    bl_idname = "skin_calib.scale_to_unit"
     bl_label = "Scale to Unit"
-    bl_options = {"REGISTER", "UNDO"}
+    blocked_by = (no_mesh,)
 
     unit: bpy.props.EnumProperty(
         name="Unit",
@@ -155,28 +149,26 @@ class SKIN_OT_scale_to_unit(OnMesh, bpy.types.Operator):
         ],
     )
 
-    def execute(self, context):
+    def act(self, context):
         link = context.object
         factor = 1 / UNITS["mm"] if self.unit == "m" else UNITS[self.unit]
         link.scale = [factor * s for s in link.scale]
         link.skin_calib.result.outdated = True
         context.view_layer.update()
         self.report({"INFO"}, f"{link.name} is now {link_objects.longest_side(link, context.scene) * 1e3:.4g} mm long")
-        return {"FINISHED"}
 
 
-class SKIN_OT_diagnose(Working, OnMesh, bpy.types.Operator):
+class SKIN_OT_diagnose(Working, Operator):
     """Check the mesh, with its modifiers, for what affects the fit, and try the fit at these settings; Esc stops it"""
 
-    bl_idname = "skin_calib.diagnose"
     bl_label = "Check Mesh"
-    bl_options = {"REGISTER", "UNDO"}
+    blocked_by = (no_mesh, busy)
 
     doing = "Checking"
 
-    def task(self, context):
-        examine = diagnoses.examination(context.object, context)
-        attempt = diagnoses.trial(context.object, context)
+    def task(self, context, link):
+        examine = diagnoses.examination(link, context)
+        attempt = diagnoses.trial(link, context)
         return lambda begin: (examine(begin), attempt(begin))
 
     def store(self, context, link, result):
@@ -187,27 +179,18 @@ class SKIN_OT_diagnose(Working, OnMesh, bpy.types.Operator):
         self.report({"INFO"}, f"{link.name}: {'; '.join(serious) or 'found nothing that affects the fit'}")
 
 
-class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
+class SKIN_OT_show_defects(Operator):
     """Select the edges of holes, and those with more than two faces, in Edit Mode"""
 
-    bl_idname = "skin_calib.show_defects"
     bl_label = "Select Holes and Bad Edges"
-    bl_options = {"REGISTER", "UNDO"}
+    blocked_by = (no_mesh, not_editable)
 
-    @classmethod
-    def why_not(cls, context):
-        return super().why_not(context) or link_objects.why_not_editable(context.object)
-
-    def execute(self, context):
+    def act(self, context):
         link = context.object
         if link.mode == "EDIT":
             link.update_from_editmode()
-        try:
-            found = diagnoses.examination(link, context)()
-            vertices, edges = link_meshes.read_edges(link, context)
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        found = diagnoses.examination(link, context)()
+        vertices, edges = link_meshes.read_edges(link, context)
         chosen = edges_at(found.mesh.vertices[found.edges()], vertices, edges)
         if not chosen.any():
             made = "modifiers make them" if len(found.edges()) else "the mesh has none"
@@ -227,13 +210,3 @@ class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
         data.polygons.foreach_set("select", np.zeros(len(data.polygons), bool))
         context.tool_settings.mesh_select_mode = (False, True, False)
         bpy.ops.object.mode_set(mode="EDIT")
-
-
-CLASSES = (
-    SKIN_OT_import_mesh,
-    SKIN_OT_import_urdf,
-    SKIN_OT_choose_link,
-    SKIN_OT_scale_to_unit,
-    SKIN_OT_diagnose,
-    SKIN_OT_show_defects,
-)

@@ -1,28 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Add and remove entries of the plan of the active link: skins, landmarks, excluded zones."""
+"""Add, remove and move entries of the plan of the active link: skins, landmarks, excluded zones."""
 
 import bpy
 
-from ..skin_calib_addon.blender.scene import skins
+from ..skin_calib_addon.blender.scene import points_on_link, skins
 from ..skin_calib_addon.blender.scene.fields import write_first
 from ..skin_calib_addon.blender.scene.results import find
 from ..skin_calib_addon.blender.scene.skins import entry, of_kind
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.plan.keys import ZONE
-from .on_link import Edit
-from .picking import AtCursor
-
-INDEX = {"min": 0, "options": {"HIDDEN"}}
-
-
-class OnSkin:
-    """Works on one skin of the plan."""
-
-    skin: bpy.props.IntProperty(name="Skin", description="Which skin, from 0", **INDEX)
-
-    def of_kind(self, plan, kind, what):
-        """Return the skin, which must be of the kind that has such things."""
-        return of_kind(entry(plan.skins, self.skin, "skin"), kind, what)
+from .base import INDEX, Edit, OnSkin, Operator
+from .picking import POINT, AtCursor, Picking
 
 
 class RemoveEntry(Edit):
@@ -42,10 +30,9 @@ class RemoveEntry(Edit):
         entries.remove(self.index)
 
 
-class SKIN_OT_skin_add(Edit, bpy.types.Operator):
+class SKIN_OT_skin_add(Edit, Operator):
     """Add a skin to the active link: a sheet of taxels, or hexagonal boards"""
 
-    bl_idname = "skin_calib.skin_add"
     bl_label = "Add Skin"
 
     kind: bpy.props.EnumProperty(
@@ -67,70 +54,98 @@ class SKIN_OT_skin_add(Edit, bpy.types.Operator):
             skins.turn_along_lines(skin, next(iter(result.fits.values())).surface)  # a new skin is on the first one
 
 
-class SKIN_OT_skin_remove(RemoveEntry, bpy.types.Operator):
+class SKIN_OT_skin_remove(RemoveEntry, Operator):
     """Remove this skin from the active link"""
 
-    bl_idname = "skin_calib.skin_remove"
     bl_label = "Remove Skin"
-
     what = "skin"
 
     def entries(self, plan):
         return plan.skins
 
 
-class SKIN_OT_landmark_add(AtCursor, OnSkin, Edit, bpy.types.Operator):
+class SKIN_OT_landmark_add(AtCursor, OnSkin, Edit, Operator):
     """Pin a cell of this sheet to the 3D cursor; the first landmark replaces the origin"""
 
-    bl_idname = "skin_calib.landmark_add"
     bl_label = "Add Landmark"
 
     def edit(self, context, plan):
-        skin = self.of_kind(plan, "sheet", "landmarks")
+        skin = of_kind(plan, self.skin, "sheet", "landmarks")
         skin.landmarks.add().point = self.start(context)
 
 
-class SKIN_OT_landmark_remove(OnSkin, RemoveEntry, bpy.types.Operator):
+class SKIN_OT_landmark_remove(OnSkin, RemoveEntry, Operator):
     """Remove this landmark; without landmarks the sheet has its origin again"""
 
-    bl_idname = "skin_calib.landmark_remove"
     bl_label = "Remove Landmark"
-
     what = "landmark"
 
     def entries(self, plan):
-        return self.of_kind(plan, "sheet", "landmarks").landmarks
+        return of_kind(plan, self.skin, "sheet", "landmarks").landmarks
 
 
-class SKIN_OT_zone_add(AtCursor, OnSkin, Edit, bpy.types.Operator):
+class SKIN_OT_zone_add(AtCursor, OnSkin, Edit, Operator):
     """Keep boards away from the 3D cursor"""
 
-    bl_idname = "skin_calib.zone_add"
     bl_label = "Add Excluded Zone"
 
     def edit(self, context, plan):
-        zone = self.of_kind(plan, "hexagons", "excluded zones").excluded.add()
+        zone = of_kind(plan, self.skin, "hexagons", "excluded zones").excluded.add()
         zone.point = self.start(context)
         write_first(ZONE, zone, metres_per_unit(context.scene))
 
 
-class SKIN_OT_zone_remove(OnSkin, RemoveEntry, bpy.types.Operator):
+class SKIN_OT_zone_remove(OnSkin, RemoveEntry, Operator):
     """Remove this zone, so that boards may cover it again"""
 
-    bl_idname = "skin_calib.zone_remove"
     bl_label = "Remove Excluded Zone"
-
     what = "excluded zone"
 
     def entries(self, plan):
-        return self.of_kind(plan, "hexagons", "excluded zones").excluded
+        return of_kind(plan, self.skin, "hexagons", "excluded zones").excluded
 
 
-CLASSES = (
-    SKIN_OT_skin_add,
-    SKIN_OT_skin_remove,
-    SKIN_OT_landmark_add,
-    SKIN_OT_landmark_remove,
-    SKIN_OT_zone_add,
-    SKIN_OT_zone_remove,
-)
+class Place(OnSkin, Edit):
+    """Sets the origin of a skin, or the point of one of its landmarks or zones."""
+
+    what: bpy.props.EnumProperty(
+        name="What",
+        description="Which point of the skin",
+        items=[
+            ("origin", "Origin", "Where the centre of cell (0, 0) lies"),
+            ("landmark", "Landmark", "Where a cell is pinned"),
+            ("zone", "Excluded Zone", "Centre of a zone that boards must not cover"),
+        ],
+        options={"HIDDEN"},
+    )
+    index: bpy.props.IntProperty(name="Index", description="Which landmark or zone, from 0", **INDEX)
+
+    def put(self, plan, point):
+        """Set the point, in the link frame in scene units."""
+        skins.put_point(plan, self.what, self.skin, self.index, point)
+
+
+class SKIN_OT_place_at_cursor(Place, Operator):
+    """Move this point to the 3D cursor"""
+
+    bl_label = "Place at 3D Cursor"
+
+    def edit(self, context, plan):
+        self.put(plan, points_on_link.cursor_on(context.object, context.scene))
+
+
+class SKIN_OT_place(Picking, Place, Operator):
+    """Click on the link to move this point there; Esc leaves it where it is"""
+
+    bl_label = "Place on Link"
+
+    point: bpy.props.FloatVectorProperty(name="Point", description="Where the point lies, in the link frame", **POINT)
+
+    def edit(self, context, plan):
+        self.put(plan, self.point)
+
+    prompts = ("Click on the link to move the point there    Esc: leave it",)
+
+    def check(self, context):
+        super().check(context)
+        skins.point_of(context.object.skin_calib, self.what, self.skin, self.index)

@@ -3,8 +3,8 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.handles.view import point_under
 from ..skin_calib_addon.blender.scene import points_on_link
+from ..skin_calib_addon.blender.scene.points_on_link import point_under
 from ..skin_calib_addon.common.errors import SkinCalibError
 
 # Events that only move the view.
@@ -32,28 +32,8 @@ def is_navigation(event):
     return event.type in NAVIGATION or is_number
 
 
-class Clicks:
-    """Waits for clicks, with an eyedropper as the cursor."""
-
-    def wait(self, context, words):
-        """Wait, with some words in the status bar."""
-        context.window.cursor_modal_set("EYEDROPPER")
-        context.workspace.status_text_set(words)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def cancel(self, context):
-        """End because Blender opens a file, or quits."""
-        self.end(context)
-
-    def end(self, context):
-        """Restore the cursor and the status bar."""
-        context.window.cursor_modal_restore()
-        context.workspace.status_text_set(None)
-
-
-class Picking(Clicks):
-    """An operator that asks for a click on the active link for each prompt, and then executes."""
+class Picking:
+    """An operator that asks for a click on the active link for each prompt, with an eyedropper, and then executes."""
 
     prompts = ()  # text of the status bar before each click
     at_mouse: bpy.props.BoolProperty(
@@ -66,46 +46,49 @@ class Picking(Clicks):
 
     def check(self, context):
         """Raise a SkinCalibError where clicks would have no effect."""
+        points_on_link.check_seen(context.object)
 
     def begin(self, context):
         """Prepare for clicks, which are possible now."""
+
+    def end(self, context):
+        """Restore the cursor and the status bar."""
+        context.window.cursor_modal_restore()
+        context.workspace.status_text_set(None)
+
+    def cancel(self, context):
+        """End because Blender opens a file, or quits."""
+        self.end(context)
 
     def take(self, points):
         """Set the operator's properties from what was picked: one point, unless an operator has more."""
         (self.point,) = points
 
+    def under_mouse(self, context, event):
+        """Return what is picked under the mouse: a point in the link frame in scene units; None without one."""
+        return point_under(context, event.mouse_x, event.mouse_y)
+
     def invoke(self, context, event):
         try:
             self.check(context)
-            points_on_link.check_seen(context.object)
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         self.uid, self.picked = context.object.session_uid, []
         if self.at_mouse:
-            return self.use_mouse(context, event)
+            return self.click(context, event)
         self.begin(context)
-        return self.wait(context, self.prompts[0])
-
-    def use_mouse(self, context, event):
-        """Use the point under the mouse, without further clicks."""
-        point = self.under_mouse(context, event)
-        if point is None:
-            self.report({"WARNING"}, f"{self.what or context.object.name} is not under the mouse: click on it")
-            return {"CANCELLED"}
-        self.take([point])
-        return self.execute(context)
-
-    def under_mouse(self, context, event):
-        """Return what is picked under the mouse: a point in the link frame in scene units; None without one."""
-        return point_under(context, event.mouse_x, event.mouse_y)
+        context.window.cursor_modal_set("EYEDROPPER")
+        context.workspace.status_text_set(self.prompts[0])
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
         if is_navigation(event):
             return {"PASS_THROUGH"}
         if self.repeats and event.type == "Z" and (event.ctrl or event.oskey):
             return {"PASS_THROUGH"}  # Blender undoes or redoes the last click
-        is_over = context.object is None or context.object.session_uid != self.uid
+        is_over = not self.poll(context) or context.object.session_uid != self.uid
         if is_over or event.type in {"ESC", "RIGHTMOUSE"} or self.repeats and event.type in {"RET", "NUMPAD_ENTER"}:
             self.end(context)
             return {"CANCELLED"}  # each click has its own undo step
@@ -117,10 +100,13 @@ class Picking(Clicks):
         """Use the point under the mouse; after the last one, execute."""
         point = self.under_mouse(context, event)
         if point is None:
-            what = self.what or context.object.name
-            self.report({"WARNING"}, f"{what} is not under the mouse: click on it, or press Esc")
-            return {"RUNNING_MODAL"}
+            ending = "" if self.at_mouse else ", or press Esc"
+            self.report({"WARNING"}, f"{self.what or context.object.name} is not under the mouse: click on it{ending}")
+            return {"CANCELLED"} if self.at_mouse else {"RUNNING_MODAL"}
         self.picked.append(point)
+        if self.at_mouse:
+            self.take(self.picked)
+            return self.execute(context)
         if len(self.picked) < len(self.prompts):
             context.workspace.status_text_set(self.prompts[len(self.picked)])
             return {"RUNNING_MODAL"}

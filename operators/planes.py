@@ -1,19 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Planes one by one: from a grid to a list of planes, and operations on that list."""
+"""The axis of the grid; planes one by one: from a grid to a list of planes, and operations on that list."""
 
 import bpy
 import numpy as np
 
 from ..skin_calib_addon.blender.scene import link_meshes, plane_lists, plans, points_on_link
-from ..skin_calib_addon.blender.scene.decimals import vector
 from ..skin_calib_addon.blender.scene.skins import entry
-from ..skin_calib_addon.blender.scene.units import metres_per_unit
+from ..skin_calib_addon.blender.scene.units import in_units, metres_per_unit, vector
 from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.geometry import PlanesGrid, cut_cover
 from ..skin_calib_addon.geometry.fit.auto import grid_lines
+from ..skin_calib_addon.geometry.grid.axis import axis_through
 from ..skin_calib_addon.geometry.grid.plane_editing import between, mirrored, planes_of, spread, through
-from .lists import INDEX
-from .on_link import Edit, OnLink
+from .base import INDEX, Edit, Operator, no_link, no_mesh
 from .picking import POINT, Picking
 
 FAMILIES = [("u", "U-Planes", "Planes across the link"), ("v", "V-Planes", "Planes along the link")]
@@ -37,28 +36,28 @@ def place_by_hand(context):
 
 
 def has_planes(context):
-    """Return whether the planes of the active link are placed by hand."""
-    return context.object.skin_calib.grid.kind == "planes"
+    """Return that the planes are placed by hand already."""
+    return "The planes are placed by hand already" if context.object.skin_calib.grid.kind == "planes" else ""
 
 
-class SKIN_OT_planes_place(OnLink, Edit, bpy.types.Operator):
+def no_planes(context):
+    """Return that the planes are not placed by hand."""
+    return "" if has_planes(context) else "Place the planes by hand first"
+
+
+class SKIN_OT_planes_place(Edit, Operator):
     """Replace the grid by its planes one by one, to move, tilt, add and remove them by hand"""
 
-    bl_idname = "skin_calib.planes_place"
     bl_label = "Place by Hand"
-
-    @classmethod
-    def why_not(cls, context):
-        return super().why_not(context) or ("The planes are placed by hand already" if has_planes(context) else "")
+    blocked_by = (no_link, has_planes)
 
     def edit(self, context, plan):
         place_by_hand(context)
 
 
-class SKIN_OT_boundary_remove(Edit, bpy.types.Operator):
+class SKIN_OT_boundary_remove(Edit, Operator):
     """Remove the boundary of the grid, so that the surface covers the whole region"""
 
-    bl_idname = "skin_calib.boundary_remove"
     bl_label = "Remove Boundary"
 
     def edit(self, context, plan):
@@ -68,11 +67,8 @@ class SKIN_OT_boundary_remove(Edit, bpy.types.Operator):
 class OnPlanes(Edit):
     """Works on the u-planes or the v-planes."""
 
+    blocked_by = (no_mesh, no_planes)
     family: bpy.props.EnumProperty(items=FAMILIES, **FAMILY)
-
-    @classmethod
-    def why_not(cls, context):
-        return super().why_not(context) or ("" if has_planes(context) else "Place the planes by hand first")
 
     def edit(self, context, plan):
         planes = plane_lists.read_planes(plan.grid, self.family, context.scene)
@@ -81,10 +77,9 @@ class OnPlanes(Edit):
         plane_lists.write_planes(plan.grid, self.family, self.changed(planes, plan.grid), context.scene)
 
 
-class SKIN_OT_plane_add(OnPlanes, bpy.types.Operator):
+class SKIN_OT_plane_add(OnPlanes, Operator):
     """Add a plane midway between the selected one and the next, or beyond the last; the first at the 3D cursor"""
 
-    bl_idname = "skin_calib.plane_add"
     bl_label = "Add Plane"
 
     def edit(self, context, plan):
@@ -102,10 +97,9 @@ class SKIN_OT_plane_add(OnPlanes, bpy.types.Operator):
         setattr(grid, f"{self.family}_index", index + 1)
 
 
-class SKIN_OT_plane_remove(OnPlanes, bpy.types.Operator):
+class SKIN_OT_plane_remove(OnPlanes, Operator):
     """Remove this plane from the list of the active link"""
 
-    bl_idname = "skin_calib.plane_remove"
     bl_label = "Remove Plane"
 
     index: bpy.props.IntProperty(name="Index", description="Which plane, from 0", **INDEX)
@@ -122,8 +116,10 @@ def remove(plan, family, index):
     setattr(plan.grid, f"{family}_index", max(0, min(index, len(listed) - 1)))
 
 
-class AtPoint(Picking, OnLink, Edit):
+class AtPoint(Picking, Edit):
     """Changes the planes at a point of the link; a grid becomes planes placed by hand first."""
+
+    blocked_by = (no_link,)
 
     point: bpy.props.FloatVectorProperty(name="Point", description="Where it is, in the link frame", **POINT)
 
@@ -133,10 +129,9 @@ class AtPoint(Picking, OnLink, Edit):
         self.change(context, plan, np.array(vector(self.point, metres_per_unit(context.scene))))
 
 
-class SKIN_OT_plane_place(AtPoint, bpy.types.Operator):
+class SKIN_OT_plane_place(AtPoint, Operator):
     """Click on the link to add a plane there, between those on both sides; a grid is placed by hand first"""
 
-    bl_idname = "skin_calib.plane_place"
     bl_label = "Add Plane on Link"
 
     prompts = ("Click on the link to add a plane there    Esc: no plane",)
@@ -154,10 +149,9 @@ class SKIN_OT_plane_place(AtPoint, bpy.types.Operator):
         plan.held = self.family.upper()
 
 
-class SKIN_OT_plane_take(AtPoint, bpy.types.Operator):
+class SKIN_OT_plane_take(AtPoint, Operator):
     """Click on the link to remove the plane that is nearest there; a grid is placed by hand first"""
 
-    bl_idname = "skin_calib.plane_take"
     bl_label = "Remove Plane on Link"
 
     prompts = ("Click on the link to remove the nearest plane    Esc: no change",)
@@ -175,33 +169,41 @@ class SKIN_OT_plane_take(AtPoint, bpy.types.Operator):
         remove(plan, family, index)
 
 
-class SKIN_OT_planes_spread(OnPlanes, bpy.types.Operator):
+class SKIN_OT_planes_spread(OnPlanes, Operator):
     """Space the planes evenly from the first to the last; v-planes of a closed grid, all round their axis"""
 
-    bl_idname = "skin_calib.planes_spread"
     bl_label = "Space Evenly"
 
     def changed(self, planes, grid):
         return spread(planes, self.family == "v" and grid.closed)
 
 
-class SKIN_OT_planes_mirror(OnPlanes, bpy.types.Operator):
+class SKIN_OT_planes_mirror(OnPlanes, Operator):
     """Replace the planes after the selected one by mirror images of those before it"""
 
-    bl_idname = "skin_calib.planes_mirror"
     bl_label = "Mirror"
 
     def changed(self, planes, grid):
         return mirrored(planes, min(getattr(grid, f"{self.family}_index"), len(planes) - 1))
 
 
-CLASSES = (
-    SKIN_OT_planes_place,
-    SKIN_OT_plane_add,
-    SKIN_OT_plane_remove,
-    SKIN_OT_plane_place,
-    SKIN_OT_plane_take,
-    SKIN_OT_planes_spread,
-    SKIN_OT_planes_mirror,
-    SKIN_OT_boundary_remove,
-)
+class SKIN_OT_axis_from_sections(Picking, Edit, Operator):
+    """Click on the link twice: the axis joins the centres of the two sections there, towards the second"""
+
+    bl_label = "Axis from Two Sections"
+    blocked_by = (no_link,)
+
+    first: bpy.props.FloatVectorProperty(name="First", description="A point of the first section", **POINT)
+    second: bpy.props.FloatVectorProperty(name="Second", description="A point of the second section", **POINT)
+
+    def edit(self, context, plan):
+        link, metre = context.object, metres_per_unit(context.scene)
+        cover = cut_cover(link_meshes.read_mesh(link, context), plans.shown_surface(link, context.scene).cover)
+        axis = axis_through(cover, vector(self.first, metre), vector(self.second, metre))
+        plan.grid.auto_axis = False
+        plan.grid.point, plan.grid.direction = in_units(axis.point, metre), axis.direction
+
+    prompts = tuple(f"Click on the {which} section of the link    Esc: keep the axis" for which in ("first", "second"))
+
+    def take(self, points):
+        self.first, self.second = points

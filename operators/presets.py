@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Skins as presets of Blender: scripts in its folders of presets, which add a skin to the active link."""
 
+from pathlib import Path
+
 import bpy
 from bl_operators.presets import AddPresetBase
 
 from ..skin_calib_addon.blender.properties.millimetres import shown
-from ..skin_calib_addon.blender.scene.decimals import exact
 from ..skin_calib_addon.blender.scene.skins import entry
+from ..skin_calib_addon.blender.scene.units import exact
 from ..skin_calib_addon.common.errors import SkinCalibError
-from .lists import OnSkin
-from .on_link import Edit, OnMesh
+from .base import Edit, OnSkin, Operator, no_mesh
 
+OURS = str(Path(__file__).parents[1])  # has the folder of presets
 FOLDER = "skin_calib"  # below each folder of presets
 # What a preset keeps: what the skin is, not where it is on its link.
 KEPT = {
@@ -19,10 +21,9 @@ KEPT = {
 }
 
 
-class SKIN_OT_preset(Edit, bpy.types.Operator):
+class SKIN_OT_preset(Edit, Operator):
     """Add the skin of this preset to the active link"""
 
-    bl_idname = "skin_calib.preset"
     bl_label = "Add Skin of a Preset"
 
     filepath: bpy.props.StringProperty(name="File", subtype="FILE_PATH", options={"HIDDEN", "SKIP_SAVE"})
@@ -33,11 +34,11 @@ class SKIN_OT_preset(Edit, bpy.types.Operator):
         bpy.utils.execfile(self.filepath)
 
 
-class SKIN_OT_preset_save(OnSkin, OnMesh, AddPresetBase, bpy.types.Operator):
+class SKIN_OT_preset_save(OnSkin, AddPresetBase, Operator):
     """Save what this skin is, without its place on the link, as a preset for other links"""
 
-    bl_idname = "skin_calib.preset_save"
     bl_label = "Save Skin as Preset"
+    blocked_by = (no_mesh,)
     bl_options = {"REGISTER"}
 
     preset_menu = "SKIN_MT_presets"
@@ -69,4 +70,11 @@ def _written(value):
     return repr(value) if is_single else f"({', '.join(map(_written, value))})"
 
 
-CLASSES = (SKIN_OT_preset, SKIN_OT_preset_save)
+def register():
+    """Add the folder with the presets of the extension."""
+    bpy.utils.register_preset_path(OURS)
+
+
+def unregister():
+    """Remove it."""
+    bpy.utils.unregister_preset_path(OURS)

@@ -22,12 +22,11 @@ from ..skin_calib_addon.proposal.skins import parse_skin
 from ..skin_calib_addon.robot.kinematics import link_poses
 from ..skin_calib_addon.robot.link_mesh import axis_warning, load_urdf_meshes
 from ..skin_calib_addon.robot.urdf import read_robot
+from .base import Operator, busy, no_link
 from .exchange import write_plan
 from .files import Import
 from .fit import fit_of, store_fit
-from .on_link import Available, OnLink, Refusing
-from .over_links import OverLinks
-from .working import WhileIdle
+from .working import Working
 
 
 def add_robot(operator, context, path, robot, poses, meshes, problems):
@@ -42,10 +41,9 @@ def add_robot(operator, context, path, robot, poses, meshes, problems):
         operator.report({"WARNING"}, warning)
 
 
-class SKIN_OT_import_robot(Import, bpy.types.Operator):
+class SKIN_OT_import_robot(Import, Operator):
     """Open all links of a robot, each below an empty that is its frame, in the zero pose"""
 
-    bl_idname = "skin_calib.import_robot"
     bl_label = "Import Robot"
 
     filter_glob: bpy.props.StringProperty(default="*.urdf;*.xml", options={"HIDDEN"})
@@ -65,12 +63,9 @@ class SKIN_OT_import_robot(Import, bpy.types.Operator):
         return read
 
 
-class OnLinks(Available):
-    """Available if the scene has a link."""
-
-    @classmethod
-    def why_not(cls, context):
-        return "" if link_objects.links(context) else "Import a robot, or a link, first"
+def no_links(context):
+    """Return why the scene has no links."""
+    return "" if link_objects.links(context) else "Import a robot, or a link, first"
 
 
 def propose_and_fit(task, channel, mesh, begin):
@@ -97,17 +92,15 @@ def readable_plan(link, scene):
     return None
 
 
-class Propose(OverLinks):
+class Propose(Working):
     """Proposes surfaces and skins, as ``skin-calib propose`` does, stores them as the plan of the link, and fits it."""
-
-    bl_options = {"REGISTER", "UNDO"}
 
     doing, did = "Proposing a plan", "Proposed plans for"
 
-    def choose(self, context):
+    def chosen(self, context):
         self.choice = parse_skin(bpy.path.abspath(context.scene.skin_calib.skin or preferences().skin))
         robot_of.cache_clear()  # its files can have changed
-        super().choose(context)
+        return super().chosen(context)
 
     def task(self, context, link):
         facets, settings = updates.facets_of(link), link.skin_calib
@@ -146,23 +139,21 @@ class Propose(OverLinks):
         link.skin_calib.refusal = str(error)
 
 
-class SKIN_OT_propose(Propose, OnLink, bpy.types.Operator):
+class SKIN_OT_propose(Propose, Operator):
     """Propose surfaces and skins for the active link, and fit them; they replace its plan. Esc stops a long search"""
 
-    bl_idname = "skin_calib.propose"
     bl_label = "Propose"
-
-    def chosen(self, context):
-        return [context.object]
+    blocked_by = (no_link, busy)
 
 
-class SKIN_OT_propose_all(Propose, OnLinks, bpy.types.Operator):
+class SKIN_OT_propose_all(Propose, Operator):
     """Propose surfaces and skins for all links that have no plan, and fit them; Esc keeps what is finished"""
 
-    bl_idname = "skin_calib.propose_all"
     bl_label = "Propose All"
+    blocked_by = (no_links, busy)
 
     def chosen(self, context):
+        super().chosen(context)
         links = [link for link in robots.links(context) if not link.skin_calib.skins]
         if not links:
             raise InvalidPlan("All links have a plan. Use Propose to replace that of the active link.")
@@ -183,12 +174,11 @@ def check_empty(link):
         raise InvalidPlan("It has got a skin in the meantime, and keeps its plan.")
 
 
-class SKIN_OT_fit_all(OverLinks, OnLinks, bpy.types.Operator):
+class SKIN_OT_fit_all(Working, Operator):
     """Fit all links that have a plan and no current fit; Esc keeps what is finished"""
 
-    bl_idname = "skin_calib.fit_all"
     bl_label = "Fit All"
-    bl_options = {"REGISTER", "UNDO"}
+    blocked_by = (no_links, busy)
 
     doing, did = "Fitting", "Fitted"
 
@@ -245,12 +235,11 @@ def write_folder(context, folder, links):
     return [path.name for path in sorted(folder.glob("*.calibration.json")) if path not in written]
 
 
-class SKIN_OT_export_robot(Refusing, WhileIdle, OnLinks, bpy.types.Operator):
+class SKIN_OT_export_robot(Operator):
     """Write plans and calibrations of all fitted links to a folder, with robot.json, as the command line does"""
 
-    bl_idname = "skin_calib.export_robot"
     bl_label = "Export Robot"
-    bl_options = {"REGISTER", "UNDO"}  # plans keep the names of their mesh files
+    blocked_by = (no_links, busy)
 
     directory: bpy.props.StringProperty(name="Folder", description="For all files of the robot", subtype="DIR_PATH")
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
@@ -271,12 +260,3 @@ class SKIN_OT_export_robot(Refusing, WhileIdle, OnLinks, bpy.types.Operator):
         for name in earlier:
             stays = f"{name} is from an earlier export, and stays in robot.json"
             self.report({"WARNING"}, f"{stays}. Remove it from the folder, and export again.")
-
-
-CLASSES = (
-    SKIN_OT_import_robot,
-    SKIN_OT_propose,
-    SKIN_OT_propose_all,
-    SKIN_OT_fit_all,
-    SKIN_OT_export_robot,
-)

@@ -3,7 +3,6 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.scene import skins
 from ..skin_calib_addon.blender.scene.skins import entry
@@ -11,25 +10,17 @@ from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.calibration.model import MAX_CHANNEL
 from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.skin.single_taxels import short_id
-from .inspect import taxel_under
-from .lists import OnSkin, RemoveEntry
-from .on_link import Edit, OnResult
-from .picking import Picking
+from .base import Followed, OnSkin, Operator, no_fit, no_link
+from .inspect import PicksTaxel
+from .lists import RemoveEntry
 
 TAXEL = {"name": "Taxel", "options": {"SKIP_SAVE"}}
 
 
-class OneTaxel(OnResult, Edit):
-    """Changes what the plan has about single taxels; the skin follows, although Live is off."""
+class OneTaxel(Followed):
+    """Changes what the plan has about single taxels."""
 
-    is_waiting = False  # for clicks: the skin follows also Ctrl-Z between them
-
-    def execute(self, context):
-        updates.accompany(context.object)
-        done = super().execute(context)
-        if not self.is_waiting:
-            updates.leave(context.object.session_uid)
-        return done
+    blocked_by = (no_link, no_fit)
 
     def single(self, context, plan, taxel):
         """Return what the plan has about a taxel of the last result; boards are listed first."""
@@ -44,36 +35,19 @@ class OneTaxel(OnResult, Edit):
         raise SkinCalibError(f"The link has no taxel {taxel}. Fit it again, or choose another one.")
 
 
-class SKIN_OT_taxel_toggle(Picking, OneTaxel, bpy.types.Operator):
+class SKIN_OT_taxel_toggle(OneTaxel, PicksTaxel, Operator):
     """Click on a taxel to disable it, on a disabled one to enable it; the skin follows each click"""
 
-    bl_idname = "skin_calib.taxel_toggle"
     bl_label = "Disable Taxels"
 
     taxel: bpy.props.StringProperty(description="Id of the taxel", **TAXEL)
 
     prompts = ("Click on a taxel to disable or enable it    Ctrl-Z: undo    Esc, Return: end",)
-    what = "A taxel"
-    repeats = True
 
     def invoke(self, context, event):
         if self.taxel:
             return self.execute(context)
         return super().invoke(context, event)
-
-    def begin(self, context):
-        self.is_waiting = True
-        updates.accompany(context.object)
-
-    def end(self, context):
-        super().end(context)
-        updates.leave(self.uid)
-
-    def under_mouse(self, context, event):
-        return taxel_under(context, event.mouse_x, event.mouse_y)
-
-    def take(self, points):
-        (self.taxel,) = points
 
     def edit(self, context, plan):
         single = self.single(context, plan, self.taxel)
@@ -81,10 +55,9 @@ class SKIN_OT_taxel_toggle(Picking, OneTaxel, bpy.types.Operator):
         skins.drop_usual(plan)
 
 
-class SKIN_OT_taxel_channel(OneTaxel, bpy.types.Operator):
+class SKIN_OT_taxel_channel(OneTaxel, Operator):
     """Give the taxel that is shown another channel"""
 
-    bl_idname = "skin_calib.taxel_channel"
     bl_label = "Set Channel"
 
     taxel: bpy.props.StringProperty(description="Id of the taxel", **TAXEL)
@@ -144,16 +117,11 @@ def channels_of(link):
     return found
 
 
-class SKIN_OT_single_taxel_remove(OnSkin, RemoveEntry, bpy.types.Operator):
+class SKIN_OT_single_taxel_remove(OnSkin, RemoveEntry, Operator):
     """Remove this entry: the taxel is enabled, with its usual channel"""
 
-    bl_idname = "skin_calib.single_taxel_remove"
     bl_label = "Remove Single Taxel"
-
     what = "single taxel"
 
     def entries(self, plan):
         return entry(plan.skins, self.skin, "skin").taxels
-
-
-CLASSES = (SKIN_OT_taxel_toggle, SKIN_OT_taxel_channel, SKIN_OT_single_taxel_remove)

@@ -9,8 +9,7 @@ import bpy
 from ..skin_calib_addon.blender.scene import plans
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.common.errors import InvalidPlan
-from .lists import INDEX, OnSkin
-from .on_link import Edit
+from .base import INDEX, Edit, OnSkin, Operator
 
 
 class OnSurfaces(Edit):
@@ -22,10 +21,9 @@ class OnSurfaces(Edit):
         plans.write_surfaces(plan, surfaces, shown, metre)
 
 
-class SKIN_OT_surface_show(OnSurfaces, bpy.types.Operator):
+class SKIN_OT_surface_show(OnSurfaces, Operator):
     """Show this surface in the panels, to change its cuts and planes"""
 
-    bl_idname = "skin_calib.surface_show"
     bl_label = "Show Surface"
 
     index: bpy.props.IntProperty(name="Index", description="Which surface, from 0", **INDEX)
@@ -43,10 +41,9 @@ class SKIN_OT_surface_show(OnSurfaces, bpy.types.Operator):
         return done
 
 
-class SKIN_OT_surface_add(OnSurfaces, bpy.types.Operator):
+class SKIN_OT_surface_add(OnSurfaces, Operator):
     """Add a surface, with the cuts and planes of the one that is shown, for another side of the link"""
 
-    bl_idname = "skin_calib.surface_add"
     bl_label = "Add Surface"
 
     def changed(self, surfaces, shown):
@@ -55,10 +52,9 @@ class SKIN_OT_surface_add(OnSurfaces, bpy.types.Operator):
         return (*surfaces, replace(surfaces[shown], name=name)), len(surfaces)
 
 
-class SKIN_OT_surface_remove(OnSurfaces, bpy.types.Operator):
+class SKIN_OT_surface_remove(OnSurfaces, Operator):
     """Remove the surface that is shown"""
 
-    bl_idname = "skin_calib.surface_remove"
     bl_label = "Remove Surface"
 
     def edit(self, context, plan):
@@ -75,10 +71,9 @@ class SKIN_OT_surface_remove(OnSurfaces, bpy.types.Operator):
         return surfaces[:shown] + surfaces[shown + 1 :], max(shown - 1, 0)
 
 
-class SKIN_OT_skin_surface(OnSkin, Edit, bpy.types.Operator):
+class SKIN_OT_skin_surface(OnSkin, Edit, Operator):
     """Put this skin on another surface of the link"""
 
-    bl_idname = "skin_calib.skin_surface"
     bl_label = "Surface"
 
     name: bpy.props.StringProperty(name="Surface", description="Name of the surface")
@@ -87,6 +82,3 @@ class SKIN_OT_skin_surface(OnSkin, Edit, bpy.types.Operator):
         if self.name not in plans.surface_names(plan):
             raise InvalidPlan(f"The plan has no surface {self.name!r}.")
         plan.skins[self.skin].surface = self.name
-
-
-CLASSES = (SKIN_OT_surface_show, SKIN_OT_surface_add, SKIN_OT_surface_remove, SKIN_OT_skin_surface)

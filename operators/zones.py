@@ -5,19 +5,17 @@ import bpy
 import numpy as np
 
 from ..skin_calib_addon.blender.overlay import drawing
-from ..skin_calib_addon.blender.scene import skins
+from ..skin_calib_addon.blender.scene import cut_away, skins
 from ..skin_calib_addon.blender.scene.face_groups import group_triangles, triangles_of
 from ..skin_calib_addon.blender.scene.skins import entry
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.common.errors import InvalidMesh, SkinCalibError, counted
 from ..skin_calib_addon.skin.single_taxels import short_id
 from ..skin_calib_addon.skin.zones import discs_over, taxels_over
-from .lists import OnSkin
-from .on_link import Edit
+from .base import Edit, OnSkin, Operator
 
 
-class SKIN_OT_zones_from_faces(OnSkin, Edit, bpy.types.Operator):
-    bl_idname = "skin_calib.zones_from_faces"
+class SKIN_OT_zones_from_faces(OnSkin, Edit, Operator):
     bl_label = "Exclude Faces"
     bl_description = (
         "Keep the skin away from the faces selected in Edit Mode, or from those of the active vertex group. Boards get "
@@ -74,8 +72,7 @@ class SKIN_OT_zones_from_faces(OnSkin, Edit, bpy.types.Operator):
 def selected(link):
     """Return which faces are selected in Edit Mode, shape (f,); an error if none is."""
     link.update_from_editmode()
-    chosen = np.zeros(len(link.data.polygons), bool)
-    link.data.polygons.foreach_get("select", chosen)
+    chosen = cut_away.selection_of(link)
     if not chosen.any():
         raise InvalidMesh(f"No face of {link.name} is selected. Select the faces without skin.")
     return chosen
@@ -89,6 +86,3 @@ def active_group(link):
     if not len(group_triangles(link, group.name)):
         raise InvalidMesh(f"The vertex group {group.name} of {link.name} has no complete face. Add vertices to it.")
     return group.name
-
-
-CLASSES = (SKIN_OT_zones_from_faces,)

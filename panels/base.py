@@ -13,6 +13,9 @@ from ..skin_calib_addon.common.errors import counted
 
 # Characters in a line without a region, as in a background process.
 LINE_WIDTH = 34
+# Characters in a line of several, relative to those of the whole text on average: lines can have wide letters. Larger:
+# their ends are cut off; smaller: more lines.
+WIDE_LETTERS = 0.85
 # [pixel of a screen with standard density] Left and right of a text in the sidebar: edges of panels, tabs, an icon.
 # Larger: texts are broken earlier; smaller: their ends are cut off.
 TEXT_MARGIN = 80
@@ -29,6 +32,41 @@ ICON_WIDTH = (
 # [pixel of a screen with standard density] of a button with only an icon. Larger: texts next to it are broken earlier
 BUTTON_WIDTH = 20
 LINKING = ("and", "as", "with")  # words that no short text of a button ends with
+# Operators by their icons.
+ICONS = {
+    "ADD": "cut_add landmark_add plane_add skin_add surface_add zone_add",
+    "ALIGN_JUSTIFY": "planes_spread",
+    "ARMATURE_DATA": "import_robot",
+    "ARROW_LEFTRIGHT": "cut_flip scale_to_unit",
+    "BONE_DATA": "import_urdf",
+    "BRUSH_DATA": "boards_paint",
+    "EXPORT": "export_calibration export_plan export_robot export_taxels",
+    "EYEDROPPER": "axis_from_sections cut_place place plane_place plane_take taxel",
+    "FACESEL": "cut_away zones_from_faces",
+    "FILE": "import_plan",
+    "FILEBROWSER": "compare replay_open skin_import touches",
+    "FULLSCREEN_EXIT": "margin_widen",
+    "HIDE_ON": "taxel_toggle",
+    "LINENUMBERS_ON": "taxel_channel",
+    "LOOP_BACK": "bring_back",
+    "MESH_CYLINDER": "open_sample",
+    "MESH_DATA": "import_mesh",
+    "MESH_PLANE": "grid_across planes_place",
+    "MOD_MIRROR": "planes_mirror",
+    "OUTLINER_DATA_LATTICE": "propose propose_all",
+    "OUTLINER_OB_MESH": "taxel_mesh",
+    "PIVOT_CURSOR": "place_at_cursor",
+    "PLAY": "replay_play",
+    "PRESET_NEW": "preset_save",
+    "REMOVE": "plane_remove",
+    "RESTRICT_SELECT_OFF": "show_defects",
+    "SNAP_ON": "touches_move",
+    "SURFACE_DATA": "fit fit_all skin_surface surface_show",
+    "VIEWZOOM": "diagnose frame_find",
+    "X": "boundary_remove compare_end cut_remove landmark_remove replay_close single_taxel_remove skin_remove "
+    "surface_remove touches_end zone_remove",
+    "ZOOM_SELECTED": "show_warning show_worst",
+}
 POPOVER_UNITS = 16  # width of the status as a popover, in units of a button's height
 
 
@@ -158,62 +196,71 @@ def search(layout, group, name, owner, names):
     layout.prop_search(group, name, owner, names, text=text)
 
 
-def button(layout, name, icon="NONE", text=None, space=0, **options):
-    """Draw the button of an operator of ours, and return it; a narrow sidebar has no icon, or only the first words.
+def icon_of(name):
+    """Return the icon of an operator of ours."""
+    return next((icon for icon, names in ICONS.items() if name in names.split()), "NONE")
 
-    ``space`` is the width of what is in the same row [pixel of a screen with standard density].
+
+def button(layout, name, /, text=None, space=0, icon=None, depress=False, **properties):
+    """Draw the button of an operator of ours, which sets properties of it.
+
+    A narrow sidebar has no icon, or only the first words. ``space`` is the width of what is in the same row [pixel of a
+    screen with standard density].
     """
     text = getattr(bpy.ops.skin_calib, name).get_rna_type().name if text is None else text
+    icon = icon or icon_of(name)
     words = text.split()
     if is_narrow():
         if not fits(text, space):
             icon = "NONE"
         while len(words) > 1 and (words[-1] in LINKING or not fits(" ".join(words), space - ICON_WIDTH)):
             words.pop()
-    return layout.operator(f"skin_calib.{name}", text=" ".join(words), icon=icon, **options)
+    _draw(layout, name, properties, text=" ".join(words), icon=icon, depress=depress)
+
+
+def symbol(layout, name, /, emboss=True, **properties):
+    """Draw the button of an operator of ours with only its icon; it sets properties of the operator."""
+    _draw(layout, name, properties, text="", icon=icon_of(name), emboss=emboss)
+
+
+def _draw(layout, name, properties, **words):
+    drawn = layout.operator(f"skin_calib.{name}", **words)
+    for key, value in properties.items():
+        setattr(drawn, key, value)
+
+
+def characters_of(text, space):
+    """Return how many characters of a text a line of the sidebar has, or of the popover of the status.
+
+    ``space`` is the width of what is in the same row [pixel of a screen with standard density].
+    """
+    region, system = bpy.context.region, bpy.context.preferences.system
+    if region is None or bpy.app.background:
+        return LINE_WIDTH
+    blf.size(0, bpy.context.preferences.ui_styles[0].widget.points * system.ui_scale)
+    width = region.width if region.type == "UI" else 20 * POPOVER_UNITS * system.ui_scale
+    part = (width - (TEXT_MARGIN + space) * system.ui_scale) / max(blf.dimensions(0, text)[0], 1)
+    return max(int(part * len(text)), 1)
 
 
 def fits(text, space):
     """Return whether the sidebar has space for a text in one line."""
-    region, system = bpy.context.region, bpy.context.preferences.system
-    if region is None or bpy.app.background:
-        return len(text) <= LINE_WIDTH
-    blf.size(0, bpy.context.preferences.ui_styles[0].widget.points * system.ui_scale)
-    width = region.width if region.type == "UI" else 20 * POPOVER_UNITS * system.ui_scale
-    return blf.dimensions(0, text)[0] <= width - (TEXT_MARGIN + space) * system.ui_scale
+    return characters_of(text, space) >= len(text)
 
 
 def lines_of(text, space=0):
-    """Return a text in lines that are as wide as the sidebar, or as the popover of the status.
-
-    ``space`` is the width of what is in the same row [pixel of a screen with standard density].
-    """
-    if bpy.context.region is None or bpy.app.background:
-        return textwrap.wrap(text, LINE_WIDTH)
-    lines = [""]
-    for word in [part for whole in text.split() for part in parts_of(whole, space)]:
-        longer = f"{lines[-1]} {word}".strip()
-        if lines[-1] and not fits(longer, space):
-            lines.append(word)
-        else:
-            lines[-1] = longer
-    return [line for line in lines if line]
+    """Return a text in lines that are as wide as the sidebar, or as the popover of the status."""
+    width = characters_of(text, space)
+    if width < len(text) and not bpy.app.background:
+        width = max(int(WIDE_LETTERS * width), 1)
+    return textwrap.wrap(text, width)
 
 
 def shortened(text, label):
     """Return a text, or its start and an ellipsis, so that it fits into one line with a label and its icons."""
-    if fits(f"{label} {text}", ICON_WIDTH):
-        return text
-    size = next((k for k in range(len(text) - 1, 0, -1) if fits(f"{label} {text[:k]}…", ICON_WIDTH)), 0)
-    return f"{text[:size]}…"
-
-
-def parts_of(word, space):
-    """Return a word in parts that fit into a line, such as the name of a file."""
-    while word:
-        size = next((k for k in range(len(word), 1, -1) if fits(word[:k], space)), 1)
-        yield word[:size]
-        word = word[size:]
+    whole = f"{label} {text}"
+    left = len(whole) - characters_of(whole, ICON_WIDTH)
+    return text if left <= 0 else f"{text[: -left - 2]}…"
 
 
 def show_text(layout, text, icon, space=0):

@@ -6,7 +6,7 @@ import bpy
 from ..skin_calib_addon.blender.scene import cut_away
 from ..skin_calib_addon.blender.scene.plans import shown_index, surface_names
 from ..skin_calib_addon.common.errors import counted
-from .base import Step, button, draw_plane, is_narrow, surfaces_figure, what_is_wrong
+from .base import Step, button, draw_plane, is_narrow, surfaces_figure, symbol, what_is_wrong
 
 MAX_ROWS = 5  # of the list
 # A unit normal whose largest component is above this is along an axis.
@@ -22,8 +22,8 @@ class SKIN_UL_cuts(bpy.types.UIList):
         row.alert = bool(wrong)
         words = ("Cut", str(index), "keeps", kept_side(cut.normal))
         row.label(text=" ".join(words[1::2] if is_narrow() else words), icon="ERROR" if wrong else "NONE")
-        for name, icon in (("cut_flip", "ARROW_LEFTRIGHT"), ("cut_remove", "X")):
-            row.operator(f"skin_calib.{name}", text="", icon=icon, emboss=False).index = index
+        symbol(row, "cut_flip", emboss=False, index=index)
+        symbol(row, "cut_remove", emboss=False, index=index)
 
 
 def kept_side(normal):
@@ -55,26 +55,23 @@ class CutStep(Step):
         if cover.cut_index < len(cuts):
             draw_plane(layout, cuts[cover.cut_index], what_is_wrong(cover, "CUT", cover.cut_index))
         row = layout.row(align=True)
-        row.operator("skin_calib.cut_add", icon="ADD")
-        row.operator("skin_calib.cut_place", text="", icon="EYEDROPPER")
+        button(row, "cut_add")
+        symbol(row, "cut_place")
         column = layout.column(align=True)
-        button(column, "cut_away", icon="FACESEL")
+        button(column, "cut_away")
         if cut_away.modifier_of(plan.id_data):
-            button(column, "bring_back", icon="LOOP_BACK")
+            button(column, "bring_back")
 
     def draw_surfaces(self, layout, plan):
         """Draw the names of the surfaces, the one that the panels show pressed; of a single one only the button Add."""
         names, shown = surface_names(plan), shown_index(plan)
         if len(names) == 1:
-            button(layout, "surface_add", icon="ADD")
+            button(layout, "surface_add")
             return
         column = layout.column(align=True)
         for k, name in enumerate(names):
-            column.operator("skin_calib.surface_show", text=name, depress=k == shown).index = k
+            button(column, "surface_show", text=name, icon="NONE", depress=k == shown, index=k)
         row = layout.row(align=True)
         row.prop(plan, "surface_name", **{"text": ""} if is_narrow() else {})
-        row.operator("skin_calib.surface_add", text="", icon="ADD")
-        row.operator("skin_calib.surface_remove", text="", icon="X")
-
-
-CLASSES = (SKIN_UL_cuts,)
+        symbol(row, "surface_add")
+        symbol(row, "surface_remove")

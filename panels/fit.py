@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The figures of the fit."""
+"""The figures of the fit, and the export of its files."""
 
 import bpy
 
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene.results import least_exact
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
-from .base import Step, button, field, serious_of, show_text
+from .base import Step, button, buttons, field, serious_of, show_text
 
 
 class FitStep(Step):
@@ -32,4 +32,16 @@ class FitStep(Step):
         if least_exact(plan):
             show_text(layout, "Mean: of the least exact surface", "INFO")
         is_marked = plan.inspect.marked == result.key
-        button(layout, "show_worst", icon="ZOOM_SELECTED", depress=is_marked)
+        button(layout, "show_worst", depress=is_marked)
+
+
+class ExportStep(Step):
+    label = "Export"
+    name = "export"
+
+    def draw_plan(self, layout, plan):
+        column = layout.column(align=True)
+        button(column, "export_calibration", text="Calibration")
+        row = buttons(column)
+        button(row, "export_plan", text="Plan")
+        button(row, "export_taxels", text="Taxels...")

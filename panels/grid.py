@@ -4,7 +4,7 @@
 import bpy
 
 from ..skin_calib_addon.blender.scene.plans import record_of
-from .base import Step, button, buttons, draw_plane, field, more, show_text, surfaces_figure, what_is_wrong
+from .base import Step, button, buttons, draw_plane, field, more, show_text, surfaces_figure, symbol, what_is_wrong
 from .rows import draw_keys, draw_value, keys_in
 
 
@@ -33,7 +33,7 @@ class GridStep(Step):
         own = {"axis": self.draw_axis, "boundary": self.draw_boundary, "u": self.draw_planes, "v": self.draw_planes}
         draw_keys(layout, grid, record_of(grid).keys, own)
         if grid.kind != "planes":
-            button(layout, "planes_place", icon="MESH_PLANE")
+            button(layout, "planes_place")
         body = more(layout, plan, "more_grid")
         if body:
             draw_keys(body, plan, keys_in("Grid"))
@@ -43,7 +43,7 @@ class GridStep(Step):
         row = buttons(layout)
         field(row, grid, key.switch.name)
         if not is_face:
-            row.operator("skin_calib.axis_from_sections", text="", icon="EYEDROPPER")
+            symbol(row, "axis_from_sections")
             draw_value(layout, grid, key)
         elif not grid.auto_axis:
             field(layout, grid, "direction")
@@ -52,7 +52,7 @@ class GridStep(Step):
         if grid.boundary:
             row = buttons(layout)
             show_text(row, "Inside its boundary", "MOD_OUTLINE")
-            row.operator("skin_calib.boundary_remove", text="", icon="X")
+            symbol(row, "boundary_remove")
 
     def draw_planes(self, layout, grid, key):
         family = key.property_name
@@ -60,14 +60,10 @@ class GridStep(Step):
         row = layout.row()
         row.template_list("SKIN_UL_planes", family, grid, family, grid, f"{family}_index", rows=4)
         column = row.column(align=True)
-        column.operator("skin_calib.plane_add", text="", icon="ADD").family = family
-        remove = column.operator("skin_calib.plane_remove", text="", icon="REMOVE")
-        remove.family, remove.index = family, index
+        symbol(column, "plane_add", family=family)
+        symbol(column, "plane_remove", family=family, index=index)
         column.separator()
-        column.operator("skin_calib.planes_spread", text="", icon="ALIGN_JUSTIFY").family = family
-        column.operator("skin_calib.planes_mirror", text="", icon="MOD_MIRROR").family = family
+        symbol(column, "planes_spread", family=family)
+        symbol(column, "planes_mirror", family=family)
         if index < len(listed):
             draw_plane(layout, listed[index], what_is_wrong(grid, family.upper(), index))
-
-
-CLASSES = (SKIN_UL_planes,)

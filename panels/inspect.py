@@ -8,7 +8,7 @@ from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene import results
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
-from .base import ICON_WIDTH, SkinPanel, button, buttons, field, is_narrow, show_text, show_warning
+from .base import ICON_WIDTH, SkinPanel, button, buttons, field, is_narrow, show_text, show_warning, symbol
 
 
 class InspectPanel(SkinPanel):
@@ -36,7 +36,7 @@ class SKIN_PT_inspect(InspectPanel, bpy.types.Panel):
             flow.prop_enum(plan, "layers", item.identifier)
         field(column, plan.inspect, "heat")
         field(column, plan.inspect, "labels")
-        button(layout, "taxel_mesh", icon="OUTLINER_OB_MESH")
+        button(layout, "taxel_mesh")
         if taxel_mesh.is_of_another_fit(plan.id_data):
             show_text(layout, "Of another fit: make it again", "INFO")
         if plan.inspect.heat == "FORCE" and not plan.inspect.replay.file:
@@ -50,8 +50,8 @@ class SKIN_PT_inspect_taxel(InspectPanel, bpy.types.Panel):
     def draw_plan(self, layout, plan):
         taxel = plan.inspect.taxel
         row = buttons(layout)
-        button(row, "taxel", icon="EYEDROPPER")
-        button(row, "taxel_toggle", icon="HIDE_ON")
+        button(row, "taxel")
+        button(row, "taxel_toggle")
         field(layout, taxel, "wanted", icon="VIEWZOOM")
         show_text(layout, taxel.problem, "ERROR")
         if not taxel.id:
@@ -61,8 +61,8 @@ class SKIN_PT_inspect_taxel(InspectPanel, bpy.types.Panel):
         if taxel.disabled:
             layout.label(text="Disabled", icon="HIDE_ON")
         row = buttons(layout)
-        button(row, "taxel_toggle", text="Enable" if taxel.disabled else "Disable").taxel = taxel.id
-        button(row, "taxel_channel").taxel = taxel.id
+        button(row, "taxel_toggle", text="Enable" if taxel.disabled else "Disable", icon="NONE", taxel=taxel.id)
+        button(row, "taxel_channel", icon="NONE", taxel=taxel.id)
         column = layout.column(align=True)
         column.enabled = False
         for name in ("id", "channel", "index", "position", "normal"):
@@ -108,16 +108,16 @@ class SKIN_PT_inspect_touches(InspectPanel, bpy.types.Panel):
             show_warning(layout, warning)
         for line in found.remarks.splitlines():
             show_text(layout, line, "DOT")
-        button(layout, "touches_move", icon="SNAP_ON")
+        button(layout, "touches_move")
 
 
 def draw_file(layout, found, plan, operator):
     """The buttons that compare with a file and end that, and which file it was; whether there is one."""
     row = layout.row(align=True)
-    button(row, operator, icon="FILEBROWSER", space=ICON_WIDTH)
+    button(row, operator, space=ICON_WIDTH)
     if not found.file:
         return False
-    row.operator(f"skin_calib.{operator}_end", text="", icon="X")
+    symbol(row, f"{operator}_end")
     if found.key != plan.result.key:
         show_text(layout, "Of another fit: compare again", "INFO")
     show_text(layout, comparing.name_of(found.file), "FILE")
@@ -131,17 +131,17 @@ class SKIN_PT_inspect_replay(InspectPanel, bpy.types.Panel):
     def draw_plan(self, layout, plan):
         record, link = plan.inspect.replay, plan.id_data
         row = layout.row(align=True)
-        button(row, "replay_open", icon="FILEBROWSER", space=ICON_WIDTH)
+        button(row, "replay_open", space=ICON_WIDTH)
         if not record.file:
             return
-        row.operator("skin_calib.replay_close", text="", icon="X")
+        symbol(row, "replay_close")
         show_text(layout, comparing.name_of(record.file), "FILE")
         if replay.find(link) is None:
             show_text(layout, "Of another fit: open it again", "INFO")
             return
         playing = replay.is_playing(link)
         row = layout.row(align=True)
-        row.operator("skin_calib.replay_play", text="Pause" if playing else "Play", icon="PAUSE" if playing else "PLAY")
+        button(row, "replay_play", text="Pause" if playing else "Play", icon="PAUSE" if playing else "PLAY")
         row.prop(record, "loop", text="", icon="FILE_REFRESH", toggle=True)
         column = layout.column(align=True)
         field(column, record, "progress", slider=True)
@@ -163,13 +163,3 @@ class SKIN_PT_inspect_sizes(InspectPanel, bpy.types.Panel):
             field(layout, looks, shown(looks, "length"))
         field(layout, looks, "text_size")
         field(layout, looks, "line_width")
-
-
-CLASSES = (
-    SKIN_PT_inspect,
-    SKIN_PT_inspect_taxel,
-    SKIN_PT_inspect_compare,
-    SKIN_PT_inspect_touches,
-    SKIN_PT_inspect_replay,
-    SKIN_PT_inspect_sizes,
-)

@@ -47,7 +47,7 @@ class LinkStep(Step):
         show_text(column, f"This mesh is {side:.3g} m long:", "ERROR")
         show_text(column, question, "BLANK1")
         if unit:
-            button(box, "scale_to_unit", text=f"Scale to {UNIT_NAMES[unit].capitalize()}").unit = unit
+            button(box, "scale_to_unit", text=f"Scale to {UNIT_NAMES[unit].capitalize()}", icon="NONE", unit=unit)
 
 
 def shortened_by(finding, above):
@@ -63,7 +63,7 @@ def draw_imports(layout):
     """Draw the buttons that open a link."""
     row = buttons(layout)
     for name, text in (("mesh", "Mesh"), ("urdf", "URDF"), ("robot", "Robot"), ("plan", "Plan")):
-        row.operator(f"skin_calib.import_{name}", text=text)
+        button(row, f"import_{name}", text=text, icon="NONE")
     row.operator_menu_enum("skin_calib.open_sample", "name", text="", icon="MESH_CYLINDER")
 
 
@@ -85,7 +85,7 @@ class MeshStep(Step):
 
     def draw_plan(self, layout, plan):
         found = plan.diagnosis
-        button(layout, "diagnose", icon="VIEWZOOM")
+        button(layout, "diagnose")
         if not found.key:
             return
         if session.of(plan.id_data).is_unverified:
@@ -102,4 +102,4 @@ class MeshStep(Step):
             for shell in ("outer", "seen", "all"):
                 row.prop_enum(plan.cover, "shell", shell)
         if found.edges:
-            button(layout, "show_defects", icon="RESTRICT_SELECT_OFF")
+            button(layout, "show_defects")

@@ -4,81 +4,8 @@
 import bpy
 
 from ..skin_calib_addon.blender.scene.plans import shown_index, surface_names
+from .base import button, icon_of
 
-LINE = ""  # between two groups of entries
-# Menus below Skin, each with its label and its operators: name and icon.
-MENUS = {
-    "open": (
-        "Open",
-        (
-            ("import_mesh", "MESH_DATA"),
-            ("import_urdf", "BONE_DATA"),
-            ("import_robot", "ARMATURE_DATA"),
-            ("import_plan", "FILE"),
-            (LINE, ""),
-            ("open_sample", "MESH_CYLINDER"),
-        ),
-    ),
-    "mesh": (
-        "Mesh",
-        (("diagnose", "VIEWZOOM"), ("show_defects", "RESTRICT_SELECT_OFF"), ("scale_to_unit", "ARROW_LEFTRIGHT")),
-    ),
-    "cut": (
-        "Cut",
-        (
-            ("cut_place", "EYEDROPPER"),
-            ("cut_add", "ADD"),
-            ("cut_flip", "ARROW_LEFTRIGHT"),
-            ("cut_remove", "X"),
-            (LINE, ""),
-            ("cut_away", "FACESEL"),
-            ("bring_back", "LOOP_BACK"),
-        ),
-    ),
-    "grid": (
-        "Grid",
-        (
-            ("axis_from_sections", "EYEDROPPER"),
-            ("margin_widen", "FULLSCREEN_EXIT"),
-            ("grid_across", "MESH_PLANE"),
-            ("boundary_remove", "MOD_OUTLINE"),
-            (LINE, ""),
-            ("planes_place", "MESH_PLANE"),
-            ("plane_place", "EYEDROPPER"),
-            ("plane_take", "EYEDROPPER"),
-            ("plane_add", "ADD"),
-            ("plane_remove", "REMOVE"),
-            ("planes_spread", "ALIGN_JUSTIFY"),
-            ("planes_mirror", "MOD_MIRROR"),
-        ),
-    ),
-    "inspect": (
-        "Inspect",
-        (
-            ("show_warning", "ERROR"),
-            ("show_worst", "ZOOM_SELECTED"),
-            ("taxel", "EYEDROPPER"),
-            ("taxel_toggle", "HIDE_ON"),
-            ("taxel_channel", "LINENUMBERS_ON"),
-            ("taxel_mesh", "OUTLINER_OB_MESH"),
-            (LINE, ""),
-            ("compare", "FILEBROWSER"),
-            ("compare_end", "X"),
-            ("touches", "FILEBROWSER"),
-            ("touches_move", "SNAP_ON"),
-            ("touches_end", "X"),
-            (LINE, ""),
-            ("replay_open", "FILEBROWSER"),
-            ("replay_play", "PLAY"),
-            ("replay_close", "X"),
-        ),
-    ),
-    "robot": (
-        "Robot",
-        (("propose_all", "OUTLINER_DATA_LATTICE"), ("fit_all", "SURFACE_DATA"), ("export_robot", "EXPORT")),
-    ),
-    "export": ("Export", (("export_calibration", "EXPORT"), ("export_plan", "EXPORT"), ("export_taxels", "EXPORT"))),
-}
 # Operators that work on one entry of a list in the plan, and what selects it: the row that the panels show.
 ARGUMENTS = {
     "cut_flip": lambda plan: {"index": plan.cover.cut_index},
@@ -99,96 +26,95 @@ def family_of(plan):
     return "v" if plan.held == "V" else "u"
 
 
-def add(layout, context, name, icon, **arguments):
-    """Add an entry; operators that need a value become a menu of its values."""
-    if name in CHOICES:
-        layout.operator_menu_enum(f"skin_calib.{name}", CHOICES[name], icon=icon)
-        return
-    entry = layout.operator(f"skin_calib.{name}", icon=icon)
-    link = context.object
-    if name in ARGUMENTS and link is not None:
-        arguments = ARGUMENTS[name](link.skin_calib)
-    for argument, value in arguments.items():
-        setattr(entry, argument, value)
-
-
-class Entries:
-    """A menu of the table."""
+def menu(label, operators):
+    """Return the class of a menu of operators; a line separates groups of them."""
 
     def draw(self, context):
-        for name, icon in MENUS[self.bl_idname.removeprefix("SKIN_MT_")][1]:
-            if name == LINE:
+        for name in operators.split():
+            if name == "|":
                 self.layout.separator()
+            elif name in CHOICES:
+                self.layout.operator_menu_enum(f"skin_calib.{name}", CHOICES[name], icon=icon_of(name))
             else:
-                add(self.layout, context, name, icon)
+                of_plan = ARGUMENTS.get(name) if context.object is not None else None
+                button(self.layout, name, **of_plan(context.object.skin_calib) if of_plan else {})
+
+    return type(f"SKIN_MT_{label.lower()}", (bpy.types.Menu,), {"bl_label": label, "draw": draw})
 
 
-TABLE = [
-    type(f"SKIN_MT_{name}", (Entries, bpy.types.Menu), {"bl_idname": f"SKIN_MT_{name}", "bl_label": label})
-    for name, (label, _) in MENUS.items()
-]
+SKIN_MT_open = menu("Open", "import_mesh import_urdf import_robot import_plan | open_sample")
+SKIN_MT_mesh = menu("Mesh", "diagnose show_defects scale_to_unit")
+SKIN_MT_cut = menu("Cut", "cut_place cut_add cut_flip cut_remove | cut_away bring_back")
+SKIN_MT_grid = menu(
+    "Grid",
+    "axis_from_sections margin_widen grid_across boundary_remove | planes_place plane_place plane_take plane_add "
+    "plane_remove planes_spread planes_mirror",
+)
+SKIN_MT_inspect = menu(
+    "Inspect",
+    "show_warning show_worst taxel taxel_toggle taxel_channel taxel_mesh | compare compare_end touches touches_move "
+    "touches_end | replay_open replay_play replay_close",
+)
+SKIN_MT_robot = menu("Robot", "propose_all fit_all export_robot")
+SKIN_MT_export = menu("Export", "export_calibration export_plan export_taxels")
 
 
 class SKIN_MT_surfaces(bpy.types.Menu):
-    bl_idname = "SKIN_MT_surfaces"
     bl_label = "Surfaces"
 
     def draw(self, context):
         plan = context.object.skin_calib
         for k, name in enumerate(surface_names(plan)):
             icon = "RADIOBUT_ON" if k == shown_index(plan) else "RADIOBUT_OFF"
-            self.layout.operator("skin_calib.surface_show", text=name, icon=icon).index = k
+            button(self.layout, "surface_show", text=name, icon=icon, index=k)
         self.layout.separator()
-        add(self.layout, context, "surface_add", "ADD")
-        add(self.layout, context, "surface_remove", "X")
+        button(self.layout, "surface_add")
+        button(self.layout, "surface_remove")
 
 
 class SKIN_MT_skins(bpy.types.Menu):
-    bl_idname = "SKIN_MT_skins"
     bl_label = "Skins"
 
     def draw(self, context):
-        layout = self.layout
-        for kind, text in (("sheet", "Add Sheet"), ("hexagons", "Add Boards")):
-            layout.operator("skin_calib.skin_add", text=text, icon="ADD").kind = kind
-        add(layout, context, "skin_import", "FILEBROWSER")
+        layout, plan = self.layout, context.object.skin_calib
+        button(layout, "skin_add", text="Add Sheet", kind="sheet")
+        button(layout, "skin_add", text="Add Boards", kind="hexagons")
+        button(layout, "skin_import")
         layout.menu("SKIN_MT_presets", icon="PRESET")
-        for i, skin in enumerate(context.object.skin_calib.skins):
+        for i, skin in enumerate(plan.skins):
             layout.separator()
             layout.label(text=skin.name)
-            self.draw_skin(context, skin, i)
+            self.draw_skin(plan, skin, i)
 
-    def draw_skin(self, context, skin, i):
+    def draw_skin(self, plan, skin, i):
         """Add the operators on one skin."""
         layout = self.layout
-        lists = {"sheet": (("landmark", "landmarks"),), "hexagons": (("zone", "excluded"),)}.get(skin.kind, ())
         if skin.kind == "imported":
-            add(layout, context, "frame_find", "VIEWZOOM", skin=i)
+            button(layout, "frame_find", skin=i)
         else:
-            for name, icon in (("place", "EYEDROPPER"), ("place_at_cursor", "PIVOT_CURSOR")):
-                add(layout, context, name, icon, what="origin", skin=i)
+            button(layout, "place", what="origin", skin=i)
+            button(layout, "place_at_cursor", what="origin", skin=i)
         if skin.kind == "hexagons":
-            add(layout, context, "boards_paint", "BRUSH_DATA", skin=i)
-        add(layout, context, "zones_from_faces", "FACESEL", skin=i)
+            button(layout, "boards_paint", skin=i)
+        button(layout, "zones_from_faces", skin=i)
+        lists = {"sheet": (("landmark", skin.landmarks),), "hexagons": (("zone", skin.excluded),)}.get(skin.kind, ())
         for what, listed in lists:
-            add(layout, context, f"{what}_add", "ADD", skin=i)
-            if len(getattr(skin, listed)):
-                add(layout, context, f"{what}_remove", "REMOVE", skin=i, index=len(getattr(skin, listed)) - 1)
-        if len(skin.taxels):
-            add(layout, context, "single_taxel_remove", "REMOVE", skin=i, index=len(skin.taxels) - 1)
+            button(layout, f"{what}_add", skin=i)
+            if listed:
+                button(layout, f"{what}_remove", skin=i, index=len(listed) - 1)
+        if skin.taxels:
+            button(layout, "single_taxel_remove", skin=i, index=len(skin.taxels) - 1)
         if skin.kind != "imported":
-            add(layout, context, "preset_save", "PRESET_NEW", skin=i)
-        names = surface_names(context.object.skin_calib)
+            button(layout, "preset_save", skin=i)
+        names = surface_names(plan)
         for name in names if len(names) > 1 else ():
-            put = layout.operator("skin_calib.skin_surface", text=f"On {name}", icon="SURFACE_DATA")
-            put.skin, put.name = i, name
-        add(layout, context, "skin_remove", "X", index=i)
+            button(layout, "skin_surface", text=f"On {name}", skin=i, name=name)
+        button(layout, "skin_remove", index=i)
 
 
 class SKIN_MT_presets(bpy.types.Menu):
     """Skins that are presets of Blender: those of the extension, and those that the author saved"""
 
-    bl_idname = "SKIN_MT_presets"
     bl_label = "Presets"
     preset_subdir = "skin_calib"
     preset_operator = "skin_calib.preset"
@@ -196,15 +122,14 @@ class SKIN_MT_presets(bpy.types.Menu):
 
 
 class SKIN_MT_skin(bpy.types.Menu):
-    bl_idname = "SKIN_MT_skin"
     bl_label = "Skin"
 
     def draw(self, context):
         layout, link = self.layout, context.object
         layout.menu("SKIN_MT_open", icon="IMPORT")
         layout.separator()
-        add(layout, context, "propose", "OUTLINER_DATA_LATTICE")
-        add(layout, context, "fit", "SURFACE_DATA")
+        button(layout, "propose")
+        button(layout, "fit")
         is_mesh = link is not None and link.type == "MESH"
         if is_mesh:
             layout.prop(link.skin_calib, "live", icon="PLAY")
@@ -225,4 +150,11 @@ def draw_menu(menus, _context):
     menus.layout.menu("SKIN_MT_skin")
 
 
-CLASSES = (*TABLE, SKIN_MT_presets, SKIN_MT_surfaces, SKIN_MT_skins, SKIN_MT_skin)
+def register():
+    """Show the menu."""
+    bpy.types.VIEW3D_MT_editor_menus.append(draw_menu)
+
+
+def unregister():
+    """Remove it."""
+    bpy.types.VIEW3D_MT_editor_menus.remove(draw_menu)

@@ -87,9 +87,9 @@ class RobotStep(Step):
             show_text(layout, f"{link.skin_calib.link}: {words}{'. ' * bool(reason)}{reason}", icon)
         field(layout, scene.skin_calib, "skin", placeholder=preferences().skin)
         row = buttons(layout)
-        row.operator("skin_calib.propose_all")
-        row.operator("skin_calib.fit_all")
-        button(layout, "export_robot", icon="EXPORT")
+        button(row, "propose_all", icon="NONE")
+        button(row, "fit_all", icon="NONE")
+        button(layout, "export_robot")
 
 
 class ReasonsStep(Step):
@@ -111,6 +111,3 @@ class ReasonsStep(Step):
 def listed():
     """Return the links of the list."""
     return [thing for thing in bpy.context.scene.objects if robots.is_listed(thing)]
-
-
-CLASSES = (SKIN_UL_links,)

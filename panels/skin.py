@@ -7,7 +7,20 @@ from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene.plans import surface_names
 from ..skin_calib_addon.common.errors import counted
 from ..skin_calib_addon.plan.keys import SKINS_OF
-from .base import BUTTON_WIDTH, ICON_WIDTH, Step, button, buttons, field, fits, more, search, serious_of, show_text
+from .base import (
+    BUTTON_WIDTH,
+    ICON_WIDTH,
+    Step,
+    button,
+    buttons,
+    field,
+    fits,
+    more,
+    search,
+    serious_of,
+    show_text,
+    symbol,
+)
 from .rows import draw_keys, draw_value
 
 # Keys of a skin that most skins leave as they are.
@@ -37,8 +50,8 @@ class SkinStep(Step):
                 row.prop(skin, "opened", text="", icon="DOWNARROW_HLT" if skin.opened else "RIGHTARROW", emboss=False)
             row.prop(skin, "name", text="")
             if skin.kind != "imported":
-                row.operator("skin_calib.preset_save", text="", icon="PRESET_NEW").skin = i
-            row.operator("skin_calib.skin_remove", text="", icon="X").index = i
+                symbol(row, "preset_save", skin=i)
+            symbol(row, "skin_remove", index=i)
             if len(plan.skins) > 1 and not skin.opened:
                 continue
             field(box, skin, "kind")
@@ -48,9 +61,9 @@ class SkinStep(Step):
             if body:
                 draw_keys(body, skin, [key for key in keys if key.name in RARE], self.own(i))
         row = buttons(layout)
-        row.operator("skin_calib.skin_add", text="Sheet", icon="ADD").kind = "sheet"
-        row.operator("skin_calib.skin_add", text="Boards", icon="ADD").kind = "hexagons"
-        row.operator("skin_calib.skin_import", text="Taxels", icon="FILEBROWSER")
+        button(row, "skin_add", text="Sheet", kind="sheet")
+        button(row, "skin_add", text="Boards", kind="hexagons")
+        button(row, "skin_import", text="Taxels")
         row.menu("SKIN_MT_presets", text="", icon="PRESET")
 
     def own(self, i):
@@ -71,14 +84,14 @@ class SkinStep(Step):
             self.draw_entry(layout, f"{key.labels[0]} {k}", what, i, k)
             draw_keys(layout, item, key.type.record.keys)
         row = layout.row(align=True)
-        button(row, f"{what}_add", icon="ADD", space=ICON_WIDTH if what == "zone" else 0).skin = i
+        button(row, f"{what}_add", space=ICON_WIDTH if what == "zone" else 0, skin=i)
         if what == "zone":
-            row.operator("skin_calib.zones_from_faces", text="", icon="FACESEL").skin = i
+            symbol(row, "zones_from_faces", skin=i)
             search(layout, skin, "zone_group", skin.id_data, "vertex_groups")
 
     def draw_single_taxels(self, layout, skin, key, i):
         if skin.kind != "hexagons":
-            button(layout, "zones_from_faces", icon="FACESEL").skin = i
+            button(layout, "zones_from_faces", skin=i)
         if not skin.taxels:
             return
         layout.label(text=key.label)
@@ -86,8 +99,7 @@ class SkinStep(Step):
             row = layout.row(align=True)
             row.use_property_split = False
             row.prop(single, "enabled", text=single.taxel)
-            remove = row.operator("skin_calib.single_taxel_remove", text="", icon="X")
-            remove.skin, remove.index = i, k
+            symbol(row, "single_taxel_remove", skin=i, index=k)
             row = layout.row(align=True)
             row.use_property_split = False
             row.prop(single, "auto_channel", text="", icon="LINENUMBERS_OFF", invert_checkbox=True)
@@ -106,7 +118,7 @@ class SkinStep(Step):
 
     def draw_cells(self, layout, skin, key, i):
         field(layout, skin, key.property_name)
-        button(layout, "boards_paint", icon="BRUSH_DATA").skin = i
+        button(layout, "boards_paint", skin=i)
         if skin.choice == "listed":
             column = layout.column()
             column.alert = skin.cells_wrong
@@ -122,8 +134,7 @@ class SkinStep(Step):
         column.label(text=key.label)
         for k, name in enumerate(names):
             is_on = name == skin.surface or not skin.surface and k == 0
-            put = column.operator("skin_calib.skin_surface", text=name, depress=is_on)
-            put.skin, put.name = i, name
+            button(column, "skin_surface", text=name, icon="NONE", depress=is_on, skin=i, name=name)
 
     def draw_file(self, layout, skin, key):
         column = layout.column()
@@ -141,19 +152,17 @@ class SkinStep(Step):
                 for j in range(k, k + 3):
                     row.prop(skin, "rotation", index=j, text="")
             field(layout, skin, shown(skin, "translation"))
-        button(layout, "frame_find", icon="VIEWZOOM").skin = i
+        button(layout, "frame_find", skin=i)
 
     def draw_entry(self, box, title, what, i, k):
         """Draw the head of a landmark or zone."""
         row = box.row()
         row.label(text=title)
         self.draw_places(row, what, i, k)
-        remove = row.operator(f"skin_calib.{what}_remove", text="", icon="X")
-        remove.skin, remove.index = i, k
+        symbol(row, f"{what}_remove", skin=i, index=k)
 
     def draw_places(self, row, what, i, k):
         """Draw the buttons that move a point."""
         row = row.row(align=True)
-        for name, icon in (("place", "EYEDROPPER"), ("place_at_cursor", "PIVOT_CURSOR")):
-            place = row.operator(f"skin_calib.{name}", text="", icon=icon)
-            place.what, place.skin, place.index = what, i, k
+        for name in ("place", "place_at_cursor"):
+            symbol(row, name, what=what, skin=i, index=k)

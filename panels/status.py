@@ -10,7 +10,7 @@ from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import read_warning
 from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import counted
-from .base import POPOVER_UNITS, buttons, shortened, show_text, show_warning
+from .base import POPOVER_UNITS, button, buttons, shortened, show_text, show_warning
 
 # [1] warnings up to which the list cannot be folded, and rows of a longer list. Larger: the panels below move down.
 MAX_OPEN, MAX_ROWS = 3, 8
@@ -72,8 +72,8 @@ def draw_status(layout, link):
     if same_name(link):
         show_text(layout, "Their files would have the same names. Rename one of both in Link.", "BLANK1")
     row = buttons(layout)
-    row.operator("skin_calib.propose", icon="OUTLINER_DATA_LATTICE")
-    row.operator("skin_calib.fit", icon="SURFACE_DATA")
+    button(row, "propose")
+    button(row, "fit")
     row.prop(plan, "live", toggle=True, icon="PLAY")
     report, result = session.of(link).report, plan.result
     if plan.refusal and not plan.skins:
@@ -126,16 +126,15 @@ def draw_actions(layout, plan, warning, index):
     row = buttons(layout)
     if warning.where.point is not None:
         is_marked = plan.inspect.marked_place == mark_of(warning)
-        show = row.operator("skin_calib.show_warning", icon="ZOOM_SELECTED", depress=is_marked)
-        show.index = index
+        button(row, "show_warning", depress=is_marked, index=index)
     metre = metres_per_unit(bpy.context.scene)
     for action, properties in list(offered(warning, plan, metre))[:1]:
         if action.change or hidden_surface(warning, plan) is not None:
-            row.operator("skin_calib.take_advice", text=action.text).index = index
+            button(row, "take_advice", text=action.text, index=index)
             continue
-        button = row.operator(action.operator, text=action.text)
+        drawn = row.operator(action.operator, text=action.text)
         for name, value in properties.items():
-            setattr(button, name, value)
+            setattr(drawn, name, value)
 
 
 class SKIN_PT_status(bpy.types.Panel):
@@ -159,4 +158,11 @@ def draw_header(header, context):
     header.layout.popover("SKIN_PT_status", text=f"{link.skin_calib.link}: {text}", icon=icon)
 
 
-CLASSES = (SKIN_UL_warnings, SKIN_PT_status)
+def register():
+    """Show the state in the header of the view."""
+    bpy.types.VIEW3D_HT_tool_header.append(draw_header)
+
+
+def unregister():
+    """Remove it."""
+    bpy.types.VIEW3D_HT_tool_header.remove(draw_header)

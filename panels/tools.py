@@ -15,7 +15,7 @@ class SkinTool:
     bl_widget = None
 
 
-class SKIN_TOOL_cut(SkinTool, bpy.types.WorkSpaceTool):
+class CutTool(SkinTool, bpy.types.WorkSpaceTool):
     bl_idname = "skin_calib.cut_tool"
     bl_label = "Cut Link"
     bl_description = "Click on the link to add a plane that cuts it there; handles move and tilt the plane"
@@ -23,7 +23,7 @@ class SKIN_TOOL_cut(SkinTool, bpy.types.WorkSpaceTool):
     bl_keymap = (("skin_calib.cut_place", CLICK, AT_MOUSE),)
 
 
-class SKIN_TOOL_planes(SkinTool, bpy.types.WorkSpaceTool):
+class PlanesTool(SkinTool, bpy.types.WorkSpaceTool):
     bl_idname = "skin_calib.planes_tool"
     bl_label = "Place Planes"
     bl_description = (
@@ -38,7 +38,7 @@ class SKIN_TOOL_planes(SkinTool, bpy.types.WorkSpaceTool):
     )
 
 
-class SKIN_TOOL_boards(SkinTool, bpy.types.WorkSpaceTool):
+class BoardsTool(SkinTool, bpy.types.WorkSpaceTool):
     bl_idname = "skin_calib.boards_tool"
     bl_label = "Paint Boards"
     bl_description = "Click on a board to remove it, or next to the boards to add one"
@@ -46,17 +46,14 @@ class SKIN_TOOL_boards(SkinTool, bpy.types.WorkSpaceTool):
     bl_keymap = (("skin_calib.boards_paint", CLICK, AT_MOUSE),)
 
 
-TOOLS = (SKIN_TOOL_cut, SKIN_TOOL_planes, SKIN_TOOL_boards)
-
-
 def register():
     """Add the tools below those of Blender."""
-    bpy.utils.register_tool(SKIN_TOOL_cut, separator=True)
-    bpy.utils.register_tool(SKIN_TOOL_planes, after={SKIN_TOOL_cut.bl_idname})
-    bpy.utils.register_tool(SKIN_TOOL_boards, after={SKIN_TOOL_planes.bl_idname})
+    bpy.utils.register_tool(CutTool, separator=True)
+    bpy.utils.register_tool(PlanesTool, after={CutTool.bl_idname})
+    bpy.utils.register_tool(BoardsTool, after={PlanesTool.bl_idname})
 
 
 def unregister():
     """Remove them."""
-    for tool in reversed(TOOLS):
+    for tool in (BoardsTool, PlanesTool, CutTool):
         bpy.utils.unregister_tool(tool)

@@ -5,8 +5,7 @@ import bpy
 
 from .base import SkinPanel, is_narrow
 from .cut import CutStep
-from .export import ExportStep
-from .fit import FitStep
+from .fit import ExportStep, FitStep
 from .grid import GridStep
 from .link import LinkStep, MeshStep, draw_imports
 from .robot import ReasonsStep, RobotStep
@@ -38,6 +37,3 @@ class SKIN_PT_work(SkinPanel, bpy.types.Panel):
             return
         for step in self.steps:
             step.draw(layout, context.object.skin_calib)
-
-
-CLASSES = (SKIN_PT_work,)

@@ -5,7 +5,7 @@ A link is known by the ``session_uid`` of its object: undo, redo and another nam
 one, and so has each object of a file that is opened.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any
@@ -13,13 +13,13 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from . import events
 from .live.background import Work
 from .live.preview import PreviewReport, StepCache
 from .live.sketch import Sketch
 from .overlay.layers import Layers
 from .scene.facets import Facets
 
+SCENE_REPLACED = ("undo_post", "redo_post", "load_post")  # events after which all objects can be different
 Input = tuple[str, Facets | None]  # plan as text, and mesh of a link; or why one of them cannot be read, and None
 
 
@@ -186,12 +186,12 @@ def _opened(*_: Any) -> None:
 HANDLERS = {"undo_post": _undone, "redo_post": _undone, "load_post": _opened}
 
 
-def register() -> None:
-    """Listen to undo and files, before what draws the links again."""
-    events.listen(HANDLERS)
-
-
 def unregister() -> None:
-    """Stop listening, and forget all links."""
-    events.ignore(HANDLERS, ())
+    """Forget all links."""
     session.clear()
+
+
+def wake(timer: Callable[[], float | None], seconds: float = 0.0) -> None:
+    """Call a timer after a delay, if it does not wait already; it returns the seconds to its next call, None to end."""
+    if not bpy.app.timers.is_registered(timer):
+        bpy.app.timers.register(timer, first_interval=seconds)

@@ -80,12 +80,3 @@ def test_tool_works_on_the_skin_under_the_mouse(bpy, addon, plan_file):
         bpy.ops.skin_calib.boards_paint(at_mouse=True, point=patch.taxels.positions_link[1])
     cells = {skin.name: skin.cells for skin in link.skin_calib.skins if skin.kind == "hexagons"}
     assert cells == {"first": "0,0", "second": "0,0"}
-
-
-def test_painting_without_boards_is_refused(bpy, boards, link):
-    """Sheets have no boards; before a fit no boards are displayed."""
-    with pytest.raises(RuntimeError, match="has no boards, which belong to Kind: Hexagons"):
-        bpy.ops.skin_calib.boards_paint(skin=0, point=(0, 0, 0))
-    link.skin_calib.skins[0].kind = "hexagons"
-    with pytest.raises(RuntimeError, match="Fit the link first, to see its boards"):
-        bpy.ops.skin_calib.boards_paint(skin=0, point=(0, 0, 0))

@@ -22,55 +22,6 @@ def outdated(bpy, addon):
     return bpy.context.object.skin_calib.result.outdated
 
 
-def undo(bpy, _folder):
-    bpy.context.object.location = (0, 0, 0.02)
-    bpy.ops.ed.undo_push(message="moved")
-    bpy.ops.ed.undo()
-
-
-def reopen(bpy, folder):
-    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "arm.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(folder / "arm.blend"))
-
-
-def rename(bpy, _folder):
-    bpy.context.object.name = "renamed"
-
-
-@pytest.mark.parametrize("before", [undo, reopen, rename], ids=lambda f: f.__name__)
-def test_mesh_that_changes_later_outdates_the_result(bpy, addon, fitted, tmp_path, before):
-    """The same mesh does not."""
-    before(bpy, tmp_path)
-    assert not outdated(bpy, addon)
-    bpy.context.object.scale *= 1.3
-    assert outdated(bpy, addon)
-
-
-def test_renamed_link_follows_its_mesh(bpy, addon, updates, fitted, monkeypatch):
-    """With Live on a changed mesh is fitted again, whatever the name of the object is now."""
-    link = bpy.context.object
-    link.skin_calib.live = True
-    while updates.tick() is not None:
-        pass
-    link.name, key = "renamed", link.skin_calib.result.key
-    link.scale *= 1.1
-    assert outdated(bpy, addon)
-    while updates.tick() is not None:
-        monkeypatch.setattr(updates, "FIT_DELAY", 0.0)
-    assert link.skin_calib.result.key != key and not outdated(bpy, addon)
-
-
-def test_result_that_redo_brings_back_is_compared(bpy, addon, fitted):
-    """The step of a change is stored before the change outdates the result."""
-    bpy.context.object.location = (0, 0, 0.02)
-    bpy.ops.ed.undo_push(message="moved")
-    assert outdated(bpy, addon)
-    bpy.ops.ed.undo()
-    assert not outdated(bpy, addon)
-    bpy.ops.ed.redo()
-    assert bpy.context.object.location.z > 0 and outdated(bpy, addon)
-
-
 def test_mesh_that_cannot_be_compared_keeps_its_result(bpy, addon, fitted):
     """Modifiers of a disabled object are not evaluated; it is compared once it is shown."""
     bpy.context.object.modifiers.new("none", "DISPLACE").strength = 0
@@ -82,22 +33,6 @@ def test_mesh_that_cannot_be_compared_keeps_its_result(bpy, addon, fitted):
     assert not outdated(bpy, addon)
     bpy.context.object.hide_viewport = False
     assert not outdated(bpy, addon)
-
-
-def test_unchanged_mesh_is_hashed_once(bpy, addon, fitted, monkeypatch):
-    """The pose of a frame, and undo, only make its triangles be read: hashes of large meshes take seconds."""
-    hashes, facets = [], addon.link_meshes.Facets
-    real = facets.welded
-    monkeypatch.setattr(facets, "welded", lambda self: hashes.append(1) or real(self))
-    frame = bpy.data.objects.new("frame", None)
-    bpy.context.scene.collection.objects.link(frame)
-    bpy.context.object.parent = frame
-    for x in range(3):
-        frame.location.x = x
-        bpy.ops.ed.undo_push(message="moved")
-        assert not outdated(bpy, addon)
-    bpy.ops.ed.undo()
-    assert not outdated(bpy, addon) and len(hashes) == 1
 
 
 def test_robot_is_not_exported_with_the_fit_of_another_mesh(bpy, fitted, tmp_path, capfd):
@@ -116,17 +51,6 @@ def test_robot_is_not_exported_with_the_fit_of_another_mesh(bpy, fitted, tmp_pat
     files = (alone, folder / "arm.calibration.json")
     one, other = (json.loads(path.read_text())["patches"] for path in files)
     assert one == other
-
-
-def test_robot_is_not_exported_without_a_link_that_has_a_preview(bpy, updates, fitted, tmp_path, state_of):
-    """While Live follows a change, the link is not fitted since the last change; it was left out."""
-    link = bpy.context.object
-    link.skin_calib.live = True
-    link.skin_calib.grid.n += 1
-    look(updates)
-    assert state_of(link).report.mean > 0
-    with pytest.raises(RuntimeError, match="arm: not fitted since the last change"):
-        bpy.ops.skin_calib.export_robot(directory=str(tmp_path / "robot"))
 
 
 def test_export_of_a_robot_warns_of_what_it_did_not_write(bpy, fitted, plan_file, tmp_path, capfd):
@@ -158,21 +82,6 @@ def test_other_unit_of_the_scene_outdates_the_result(bpy, addon, fitted):
     assert bpy.ops.skin_calib.fit() == {"FINISHED"} and not outdated(bpy, addon)
 
 
-def test_live_follows_the_unit_of_the_scene(bpy, addon, updates, fitted, monkeypatch, state_of):
-    """This counts also while the fit of a change before is due."""
-    monkeypatch.setattr(updates, "FIT_DELAY", 60.0)
-    link = bpy.context.object
-    link.skin_calib.live = True
-    link.skin_calib.grid.n += 1
-    look(updates)
-    means = [state_of(link).report.mean]
-    bpy.context.scene.unit_settings.scale_length = 0.5
-    bpy.context.view_layer.update()
-    look(updates)
-    means.append(state_of(link).report.mean)
-    assert means[1] == pytest.approx(0.5 * means[0], rel=1e-4)
-
-
 def animate(link):
     """Move an object from frame 1 to 10."""
     for frame in (1, 10):
@@ -187,18 +96,6 @@ def test_animated_link_outdates_its_result(bpy, addon, fitted):
     assert bpy.ops.skin_calib.fit() == {"FINISHED"} and not outdated(bpy, addon)
     bpy.context.scene.frame_set(5)
     assert outdated(bpy, addon)
-
-
-def test_animated_frame_of_a_link_outdates_no_result(bpy, addon, fitted):
-    """The pose of the parent is that of the robot."""
-    frame = bpy.data.objects.new("frame", None)
-    bpy.context.scene.collection.objects.link(frame)
-    animate(frame)
-    bpy.context.scene.frame_set(1)
-    bpy.context.object.parent = frame
-    assert bpy.ops.skin_calib.fit() == {"FINISHED"} and not outdated(bpy, addon)
-    bpy.context.scene.frame_set(5)
-    assert not outdated(bpy, addon)
 
 
 def test_live_follows_an_animation(bpy, addon, updates, fitted, monkeypatch):

@@ -61,15 +61,6 @@ def test_selected_faces_are_left_out_and_come_back(bpy, link, choose, left):
     assert not link.modifiers and not bpy.data.node_groups and not [a for a in link.data.attributes if "skin" in a.name]
 
 
-def test_more_can_be_cut_away(bpy, link, choose, left):
-    """Several selections add up in one modifier."""
-    first = choose(slice(0, 20))
-    bpy.ops.skin_calib.cut_away()
-    choose(slice(10, 40))
-    bpy.ops.skin_calib.cut_away()
-    assert left() == ALL - 40 > ALL - 40 - first and len(link.modifiers) == len(bpy.data.node_groups) == 1
-
-
 def test_undo_restores_everything(bpy, link, choose, left):
     """One undo step restores faces, modifier and nodes; redo removes them again."""
     removed_count = choose()
@@ -146,60 +137,12 @@ def test_objects_on_one_mesh_are_cut_each_for_itself(bpy, link, choose, left):
     assert left("arm") == ALL and not bpy.data.node_groups and not [a for a in data.attributes if "skin" in a.name]
 
 
-def test_restoring_does_not_change_a_copy(bpy, link, choose, left):
-    """A copy with the same mesh and the same attribute does not change."""
-    removed_count = choose()
-    bpy.ops.skin_calib.cut_away()
-    twin = link.copy()
-    twin.name = "twin"
-    bpy.context.scene.collection.objects.link(twin)
-    bpy.ops.skin_calib.bring_back()
-    assert (left("arm"), left("twin")) == (ALL, ALL - removed_count)
-
-
-def test_copy_of_the_mesh_keeps_removed_faces(bpy, link, choose, left):
-    """A full copy is cut and restored independently."""
-    removed_count = choose()
-    bpy.ops.skin_calib.cut_away()
-    copy = link.copy()
-    copy.data = link.data.copy()
-    copy.name = "copy"
-    bpy.context.scene.collection.objects.link(copy)
-    assert left("copy") == left("arm") == ALL - removed_count
-    bpy.context.view_layer.objects.active = copy
-    bpy.ops.skin_calib.bring_back()
-    assert (left("copy"), left("arm")) == (ALL, ALL - removed_count)
-
-
 def test_modifiers_of_the_author_come_after(bpy, link, choose, left):
     """Faces are removed before other modifiers, for example a subdivision."""
     link.modifiers.new("finer", "SUBSURF").levels = 1
     removed_count = choose()
     bpy.ops.skin_calib.cut_away()
     assert link.modifiers[0].type == "NODES" and left() == 6 * (ALL - removed_count)
-
-
-def test_renamed_modifier_and_nodes_are_known(bpy, link, choose, left):
-    """Authors can change the names."""
-    choose(slice(0, 10))
-    bpy.ops.skin_calib.cut_away()
-    link.modifiers[0].name, bpy.data.node_groups[0].name = "mine", "mine too"
-    choose(slice(10, 20))
-    bpy.ops.skin_calib.cut_away()
-    assert len(link.modifiers) == 1 and left() == ALL - 20
-    bpy.ops.skin_calib.bring_back()
-    assert left() == ALL and not link.modifiers
-
-
-def test_modifier_that_was_deleted_by_hand_is_made_again(bpy, link, choose, left):
-    """Its faces are visible again; a new cut uses the attribute without the old faces."""
-    choose(slice(0, 10))
-    bpy.ops.skin_calib.cut_away()
-    link.modifiers.clear()
-    assert left() == ALL
-    choose(slice(20, 25))
-    bpy.ops.skin_calib.cut_away()
-    assert left() == ALL - 5 and len([a for a in link.data.attributes if "skin" in a.name]) == 1
 
 
 def test_attribute_of_that_name_is_left_alone(bpy, link, choose, left):
@@ -234,14 +177,6 @@ def test_selection_of_no_or_all_faces_is_refused(bpy, addon, link, choose, left,
         bpy.ops.skin_calib.cut_away()
     assert scene_state(bpy, addon) == before and link.mode == "EDIT" and not link.modifiers
     assert link.data.total_face_sel == chosen
-
-
-def test_button_that_cannot_work_says_why(bpy, link):
-    """Outside of Edit Mode there is no selection; without a cut there is nothing to restore."""
-    with pytest.raises(RuntimeError, match="Select faces in Edit Mode"):
-        bpy.ops.skin_calib.cut_away()
-    with pytest.raises(RuntimeError, match="No face of this link was cut away by hand"):
-        bpy.ops.skin_calib.bring_back()
 
 
 def cuts(link):
@@ -310,29 +245,3 @@ def test_active_cut_stays_when_another_is_removed(bpy, link, active, removed, af
     link.skin_calib.cover.cut_index = active
     bpy.ops.skin_calib.cut_remove(index=removed)
     assert link.skin_calib.cover.cut_index == after
-
-
-@pytest.mark.parametrize(
-    "normal, words",
-    [((0, 0, 1), "+Z"), ((-2, 0, 0), "-X"), ((0, 0.9, -1), "about -Z"), ((0, 0, 0), "nothing: no normal")],
-)
-def test_row_of_a_cut_says_what_it_keeps(bpy, extension, normal, words):
-    """The row uses the axes of the link frame."""
-    import importlib
-
-    assert importlib.import_module(f"{extension}.panels.cut").kept_side(normal) == words
-
-
-def test_mesh_of_another_file_is_not_edited(bpy, link, tmp_path):
-    """The object is local and its mesh is linked: the buttons state what to do."""
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
-    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
-        wanted.meshes = ["arm"]
-    own = bpy.data.objects.new("own", wanted.meshes[0])
-    bpy.context.scene.collection.objects.link(own)
-    bpy.context.view_layer.objects.active = own
-    for press in (bpy.ops.skin_calib.cut_away, bpy.ops.skin_calib.show_defects):
-        with pytest.raises(RuntimeError, match="The mesh of this link belongs to another file; make it local"):
-            press()
-    assert bpy.ops.skin_calib.diagnose() == {"FINISHED"}

@@ -55,33 +55,6 @@ def test_all_kinds_of_skins_give_the_same_bytes_with_every_interface(bpy, addon,
     assert button.read_bytes() == command.read_bytes() == batch.read_bytes() == fit_plainly(source)
 
 
-@pytest.mark.parametrize("name", ["wrist", "sole", "edge"])
-def test_sample_opens_ready_to_fit(bpy, name):
-    """The link is active and named, lengths are in millimetres, and the view shows link and sidebar."""
-    bpy.ops.wm.open_mainfile(filepath=str(SAMPLES / f"{name}.blend"))
-    link = bpy.context.object
-    assert link.skin_calib.link == f"sample_{name}" and not link.skin_calib.result.key
-    assert bpy.context.scene.unit_settings.length_unit == "MILLIMETERS"
-    view = next(a.spaces.active for a in bpy.data.screens["Layout"].areas if a.type == "VIEW_3D")
-    assert view.show_region_ui
-    size = max(link.dimensions)
-    middle = sum((link.matrix_world @ v.co for v in link.data.vertices), start=view.region_3d.view_location * 0)
-    assert (view.region_3d.view_location - middle / len(link.data.vertices)).length < 0.2 * size
-    assert size < view.region_3d.view_distance < 3 * size
-    assert view.clip_start < 0.1 * size < 10 * size < view.clip_end
-
-
-@pytest.mark.slow
-def test_batch_without_links_is_refused(bpy, tmp_path):
-    """An empty scene is wrong data: one line, code 1, no file."""
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "empty.blend"))
-    words = ["examples/batch_fit.py", tmp_path / "empty.blend", "--", "-o", tmp_path / "out.json"]
-    done = subprocess.run([sys.executable, *map(str, words)], cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 1
-    assert [line for line in done.stderr.splitlines() if line.startswith("skin-calib: The scene has no link")]
-    assert not (tmp_path / "out.json").exists()
-
-
 def test_command_fits_every_link_of_the_scene(bpy, addon, plan_file, fit_plainly, tmp_path):
     """Two links of one scene give two files in a folder, equal to those of their plans."""
     plans = [plan_file("left"), plan_file("right", numbers_in="mm", degree=[2, 4])]
@@ -112,14 +85,6 @@ def test_plan_with_a_urdf_gives_the_same_bytes(bpy, addon, plan_file, fit_plainl
     assert '"mesh": "bot.urdf"' in again.read_text() and not list(tmp_path.glob("*.ply"))
 
 
-def test_command_takes_plan_files_too(addon, plan_file, fit_plainly, tmp_path, capsys):
-    """A plan on the command line is fitted instead of the scene."""
-    path = plan_file()
-    assert addon.command.main(["fit", str(path), "-o", str(tmp_path / "out.json")]) == 0
-    assert (tmp_path / "out.json").read_bytes() == fit_plainly(path)
-    assert addon.command.main(["check", str(tmp_path / "out.json")]) == 0
-
-
 def test_taxels_for_other_programs_are_those_of_the_command_line(bpy, tmp_path):
     """Every format has the bytes of ``skin-calib export``; a format that cannot contain the skin states why."""
     bpy.ops.wm.open_mainfile(filepath=str(SAMPLES / "wrist.blend"))
@@ -137,7 +102,7 @@ def test_taxels_for_other_programs_are_those_of_the_command_line(bpy, tmp_path):
     assert not (tmp_path / "none.rsdf").exists()
 
 
-@pytest.mark.parametrize("name", ["export_plan", "export_calibration", "export_taxels"])
+@pytest.mark.parametrize("name", ["export_plan", "export_calibration", slow("export_taxels")])
 @pytest.mark.parametrize("file", ["mesh", "skin"])
 def test_mesh_and_taxel_files_of_the_link_are_not_replaced(bpy, link, tmp_path, name, file):
     """A point cloud of taxels can have the name of the mesh; earlier results are replaced."""
@@ -155,7 +120,7 @@ def test_mesh_and_taxel_files_of_the_link_are_not_replaced(bpy, link, tmp_path, 
         assert getattr(bpy.ops.skin_calib, name)(filepath=str(tmp_path / "out.ply"), **words) == {"FINISHED"}
 
 
-@pytest.mark.parametrize("name", ["export_plan", "export_calibration", "export_taxels"])
+@pytest.mark.parametrize("name", ["export_plan", "export_calibration", slow("export_taxels")])
 def test_urdf_is_not_replaced(bpy, plan_file, tmp_path, name):
     """The robot of the link, also if it has become invalid, or another robot; frames of an earlier export are."""
     plan_file()
@@ -176,7 +141,7 @@ def test_urdf_is_not_replaced(bpy, plan_file, tmp_path, name):
         assert getattr(bpy.ops.skin_calib, name)(filepath=str(tmp_path / "out.urdf"), **words) == {"FINISHED"}
 
 
-@pytest.mark.parametrize("name", ["export_plan", "export_calibration", "export_taxels"])
+@pytest.mark.parametrize("name", ["export_plan", "export_calibration", slow("export_taxels")])
 def test_link_of_the_file_browser_is_written(bpy, link, tmp_path, name):
     """Another link can be active when the file is chosen; the one of the browser can be renamed."""
     copy, path = link.copy(), tmp_path / "out.csv"
@@ -191,16 +156,6 @@ def test_link_of_the_file_browser_is_written(bpy, link, tmp_path, name):
     assert files[0] != files[1] == files[2] and bpy.context.object == copy
     with pytest.raises(RuntimeError, match="Error: missing was removed or renamed in the meantime. Start again"):
         export(filepath=str(path), subject="missing", **words)
-
-
-def test_taxels_are_added_to_the_link_of_the_file_browser(bpy, link, tmp_path):
-    """Another link can be active when their file is chosen."""
-    (tmp_path / "pair.csv").write_text("x,y,z\n0.04,0.01,0.06\n0.04,0.02,0.06\n")
-    copy = link.copy()
-    bpy.context.scene.collection.objects.link(copy)
-    bpy.context.view_layer.objects.active = copy
-    assert bpy.ops.skin_calib.skin_import(filepath=str(tmp_path / "pair.csv"), subject=link.name) == {"FINISHED"}
-    assert len(link.skin_calib.skins) == 2 and len(copy.skin_calib.skins) == 1
 
 
 def test_export_counts_the_warnings_and_says_that_there_is_no_taxel(bpy, link, tmp_path, capfd):
@@ -227,7 +182,3 @@ def test_export_counts_the_warnings_and_says_that_there_is_no_taxel(bpy, link, t
     assert codes == ["overlap"] and "Warning: 1 warning of the fit. Press Fit: the tab Skin then lists them." in said
     bpy.ops.skin_calib.fit()
     assert [warning.code for warning in link.skin_calib.result.warnings] == codes
-    capfd.readouterr()
-    bpy.ops.skin_calib.export_taxels(filepath=str(tmp_path / "around.csv"), format="csv")
-    lines = [line for line in capfd.readouterr().out.splitlines() if line.startswith("Warning")]
-    assert lines == ["Warning: 1 warning of the fit. The tab Skin lists them."]

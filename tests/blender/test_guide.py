@@ -37,27 +37,6 @@ def test_link_within_another_object_is_shown_alone(bpy, cube, capfd):
     assert "Local view hides Cube" in capfd.readouterr().out
 
 
-@pytest.mark.parametrize("place", [(3, 0, 0), (0, 0, -1.5)])
-def test_object_away_from_the_link_stays_visible(bpy, cube, capfd, place):
-    """Nothing is hidden without need."""
-    cube.location = place
-    bpy.ops.skin_calib.import_mesh(filepath=str(WRIST))
-    for area, _ in views(bpy):
-        assert area.spaces.active.local_view is None and is_seen(cube, area.spaces.active)
-    assert "Local view" not in capfd.readouterr().out
-
-
-def test_next_link_replaces_the_one_that_is_shown_alone(bpy, cube):
-    """Links of different files lie in their own frames, one in the other: only the new one is visible."""
-    bpy.ops.skin_calib.import_mesh(filepath=str(WRIST))
-    first = bpy.context.object
-    bpy.ops.skin_calib.import_plan(filepath=str(WRIST.with_name("edge.plan.json")))
-    second = bpy.context.object
-    assert second != first
-    for area, _ in views(bpy):
-        assert [is_seen(o, area.spaces.active) for o in (cube, first, second)] == [False, False, True]
-
-
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
 def test_imported_link_is_in_the_free_part_of_the_view(bpy, cube, kind):
     """The view is centred on the link, and turned by nothing; its distance is that of a robot link, not of the cube."""

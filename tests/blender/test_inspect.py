@@ -1,6 +1,5 @@
 """What is drawn of a fitted link: layers as arrays, colours and legends, labels without overlap."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -38,15 +37,6 @@ def by_name(layers):
     return {layer.what: layer for layer in layers}
 
 
-def test_layer_is_made_when_it_is_first_shown(ours, result):
-    """It is then kept, and a redraw computes nothing."""
-    layers = ours.layers.layers_of(result)
-    assert not layers._made
-    (cells,) = layers.shown({"CELLS", "OTHER"})
-    assert set(layers._made) == {"CELLS"} and next(layers.shown({"CELLS"})) is cells
-    assert set(by_name(layers)) == LINES | {"ERROR", "STRAIN", "TILT", "UNCERTAINTY", "LABELS"}
-
-
 def test_sections_are_where_planes_cut_the_cover(ours, result):
     """Each end is in a plane; for v-lines it is also on the side of their direction."""
     layers = by_name(ours.layers.layers_of(result))
@@ -62,26 +52,6 @@ def test_sections_are_where_planes_cut_the_cover(ours, result):
     off[(out * outward).sum(axis=2) < -1e-9] = 1
     assert_allclose(off.min(axis=1), 0, atol=1e-7)
     assert len(np.unique(off.argmin(axis=1))) == len(outward)
-
-
-def test_sections_along_a_sector_are_on_its_side(bpy, ours, plan_file):
-    """A plane has two sections with the link; the one behind the axis is left out."""
-    grid = {"kind": "patch", "n": 5, "lines": 7, "axis": "auto", "margin": 0.004, "from": -1.0, "to": 1.0}
-    bpy.ops.skin_calib.import_plan(filepath=str(plan_file("part", grid=grid, skins=[])))
-    bpy.ops.skin_calib.fit()
-    fit = ours.results.find(bpy.context.object.skin_calib.result.key).fit
-    ends = ours.layers.line_sections(fit).reshape(-1, 3)
-    middle = fit.lines.directions.mean(axis=(0, 1))
-    assert len(ends) > 100 and ((ends - fit.lines.origins[0, 0]) @ middle > 0.01).all()
-
-
-def test_net_joins_the_control_points(ours, result):
-    """The segments connect adjacent points, also the first and the last of a closed net."""
-    net = result.fit.surface.control_net
-    n, m = net.shape[:2]
-    points = by_name(ours.layers.layers_of(result))["NET"].points
-    assert len(points) == 2 * (n * (m - 1) + m * (n - 1))
-    assert_allclose(points[:2], net[0, :2], atol=1e-7)
 
 
 def test_heat_map_colours_cells_alike_whatever_their_shape(bpy, ours, link, plan_file):
@@ -101,19 +71,6 @@ def test_heat_map_colours_cells_alike_whatever_their_shape(bpy, ours, link, plan
     assert_allclose(layers["STRAIN"].legend.maximum, np.abs(strain).max())
     tilt = max(t.quality["tilt"].max() for t in [result.calibration.patches[1].taxels])
     assert tilt > layers["TILT"].legend.maximum == np.deg2rad(45) and layers["TILT"].legend.exceeded
-
-
-@pytest.mark.parametrize("degrees, end, exceeded", [(30, 30, False), (89.9, 45, True)])
-def test_scale_of_the_tilt_ends_at_45_degrees(ours, result, degrees, end, exceeded):
-    """A cell at an edge does not leave one colour to all others; the legend says that the scale is exceeded."""
-    taxels = result.calibration.patches[0].taxels
-    normals = np.tile((0.0, 0.0, 1.0), (len(taxels.ids), 1))
-    normals[0] = (np.sin(np.deg2rad(degrees)), 0, np.cos(np.deg2rad(degrees)))
-    placed = SimpleNamespace(patch=SimpleNamespace(taxels=replace(taxels, normals_link=normals)), disabled=None)
-    layer = by_name(ours.layers.layers_of(SimpleNamespace(fits=result.fits, placed=[placed])))["TILT"]
-    assert_allclose(np.rad2deg(layer.legend.maximum), end, rtol=1e-9)
-    assert layer.legend.exceeded == exceeded
-    assert_allclose(layer.colours[0, :3], layer.legend.scale[-1], atol=1e-6)
 
 
 @pytest.mark.parametrize("sector", [{}, {"kind": "patch", "from": -1.0, "to": 1.0}])
@@ -167,26 +124,6 @@ NUMBERS = [
     ("FORCE", "METRIC", "METERS", 1.0, (2.5,), (["2.5"], "N")),
     ("ANGLE", "METRIC", "METERS", 1.0, (np.pi / 2,), (["90"], "°")),
 ]
-
-
-@pytest.mark.parametrize("kind, system, unit, scale, values, expected", NUMBERS)
-def test_lengths_are_written_in_millimetres_in_every_scene(bpy, ours, kind, system, unit, scale, values, expected):
-    """The unit of the scene has no effect; other numbers have their usual units."""
-    settings = bpy.context.scene.unit_settings
-    settings.system, settings.scale_length = system, scale
-    if system != "NONE":
-        settings.length_unit = unit
-    assert ours.units.written(values, kind, settings) == expected
-
-
-def test_normals_follow_the_cells_unless_a_length_is_given(ours, fitted, result):
-    """Arrays are computed again only if the length changes."""
-    layer = by_name(ours.layers.layers_of(result))["NORMALS"]
-    taxels = result.calibration.patches[0].taxels
-    assert_allclose(layer.length, 0.6 * np.sqrt(np.median(taxels.areas)))
-    assert_allclose(layer.points[1::2], taxels.positions_link, atol=1e-7)
-    assert_allclose(layer.directions[1::2], taxels.normals_link, atol=1e-6)
-    assert not layer.directions[::2].any()
 
 
 def test_layers_are_switched_by_the_link(ours, fitted, state_of):
@@ -299,13 +236,6 @@ def test_typed_taxel_is_read_at_once(bpy, ours, fitted):
     assert "MARKED" not in {a.what for a in ours.drawing.shown_layers(fitted)}
 
 
-def test_link_without_a_result_has_no_taxels(bpy, ours, link):
-    """The button and a typed name report it after a file was opened."""
-    assert not bpy.ops.skin_calib.taxel.poll()
-    link.skin_calib.inspect.taxel.wanted = "band.0.0"
-    assert "arm has no result since this file was opened. Fit it first" in link.skin_calib.inspect.taxel.problem
-
-
 def test_click_reads_the_taxel_that_one_sees(bpy, ours, extension, fitted, result):
     """This is in a posed and scaled scene; hidden taxels and those on the far side are not read."""
     from mathutils import Vector
@@ -379,12 +309,3 @@ def test_comparison_ends_on_request_and_with_another_fit(bpy, ours, fitted, tmp_
     bpy.ops.skin_calib.compare_end()
     assert not fitted.skin_calib.inspect.comparison.file and not bpy.ops.skin_calib.compare_end.poll()
     assert "COMPARED" not in {a.what for a in ours.drawing.shown_layers(fitted)}
-
-
-def test_file_that_cannot_be_compared_is_refused(bpy, fitted, tmp_path):
-    """The reason is reported; the last comparison stays."""
-    path = tmp_path / "unknown.txt"
-    path.write_text("nothing")
-    with pytest.raises(RuntimeError, match="the taxel format of .* is unknown"):
-        bpy.ops.skin_calib.compare(filepath=str(path))
-    assert not fitted.skin_calib.inspect.comparison.file

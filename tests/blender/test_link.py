@@ -1,7 +1,5 @@
 """Import of links from meshes and robots, in metres; their unit; defects of their mesh."""
 
-import re
-
 import numpy as np
 import pytest
 import trimesh
@@ -10,12 +8,11 @@ from numpy.testing import assert_allclose
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.geometry.mesh.defects import diagnose
 from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, read_mesh
-from skin_calib_addon.plan import load_plan
-from skin_calib_addon.robot.link_mesh import load_link, load_plan_mesh
+from skin_calib_addon.robot.link_mesh import load_link
 from skin_calib_addon.robot.urdf import read_robot
 from tests.blender.conftest import oval
 from tests.blender.test_link_frame import frame_for
-from tests.blender.test_refusals import bare_object, scene_state
+from tests.blender.test_refusals import scene_state
 from tests.blender.test_registration import draw
 from tests.real.test_real_links import MESHES
 from tests.shapes import box, together, weld, with_hole
@@ -60,14 +57,6 @@ def test_mesh_becomes_a_link_in_metres(bpy, addon, tmp_path, kind, unit, taken, 
     assert [o.name for o in bpy.context.selected_objects] == ["l_forearm"]
 
 
-@pytest.mark.parametrize("unit, factor", [("cm", 0.01), ("in", 0.0254), ("m", 1.0)])
-def test_given_unit_is_used(bpy, tmp_path, unit, factor):
-    """The given unit is used for any size."""
-    path = written(TUBE, tmp_path / "arm.stl", 1 if unit == "m" else 10)
-    bpy.ops.skin_calib.import_mesh(filepath=str(path), unit=unit)
-    assert_allclose(bpy.context.object.scale, [factor] * 3, rtol=1e-6)
-
-
 def test_unreadable_mesh_is_refused(bpy, addon, tmp_path):
     """A missing file, an invalid mesh and an unknown format give one line each, and no object."""
     (tmp_path / "text.stl").write_text("no mesh")
@@ -85,16 +74,6 @@ def test_unreadable_mesh_is_refused(bpy, addon, tmp_path):
         with pytest.raises(RuntimeError, match=f"Error: .*{words}"):
             bpy.ops.skin_calib.import_mesh(filepath=str(tmp_path / name))
     assert scene_state(bpy, addon) == before
-
-
-def test_plan_of_an_imported_mesh_names_its_file(bpy, shown, tmp_path):
-    """A mesh in metres is not written again."""
-    shown(TUBE)
-    bpy.ops.skin_calib.skin_add(kind="sheet")
-    kept = (tmp_path / "arm.ply").read_bytes()
-    bpy.ops.skin_calib.export_plan(filepath=str(tmp_path / "arm.plan.json"))
-    assert '"mesh": "arm.ply"' in (tmp_path / "arm.plan.json").read_text()
-    assert (tmp_path / "arm.ply").read_bytes() == kept and len(list(tmp_path.glob("*.ply"))) == 1
 
 
 @pytest.fixture
@@ -126,33 +105,6 @@ def test_link_of_a_robot_lies_in_its_frame(bpy, addon, urdf, use, metre):
     assert_allclose(mesh.face_areas.sum(), expected.face_areas.sum(), rtol=1e-5)
     assert link.skin_calib.link == "arm" and tuple(link.location) == (0, 0, 0)
     assert link.skin_calib.mesh_file == ("tube.STL" if use == "collision" else "bot.urdf")
-
-
-@pytest.mark.parametrize(("up", "warns"), [("Y_UP", True), ("Z_UP", False)])
-@pytest.mark.parametrize("whole", [True, False])
-def test_dae_file_with_another_axis_is_a_warning(bpy, urdf, capfd, up, warns, whole):
-    """It is ignored, as in RViz, but some robots are written for programs that turn such meshes."""
-    path = urdf.parent.parent / "meshes" / "box.dae"
-    text = trimesh.Trimesh(INNER.vertices, INNER.faces, process=False).export(file_type="dae").decode()
-    path.write_text(re.sub("<up_axis>.*</up_axis>", f"<up_axis>{up}</up_axis>", text))
-    joint = '<joint name="neck" type="fixed"><parent link="arm"/><child link="head"/></joint>'
-    urdf.write_text(urdf.read_text().replace("box.obj", "box.dae").replace("</robot>", f"{joint}</robot>"))
-    words = {} if whole else {"link": "arm"}
-    (bpy.ops.skin_calib.import_robot if whole else bpy.ops.skin_calib.import_urdf)(filepath=str(urdf), **words)
-    said = "Warning: The DAE files of 1 link of bot.urdf state an <up_axis> that is not Z_UP: arm. It is ignored"
-    assert (said in capfd.readouterr().out) == warns
-    bpy.ops.skin_calib.import_mesh(filepath=str(path))
-    assert ("Warning: box.dae states an <up_axis> that is not Z_UP. It is" in capfd.readouterr().out) == warns
-
-
-def test_plan_of_a_link_of_a_robot_names_the_urdf(bpy, urdf):
-    """Next to the URDF no mesh is written; the command line reads the same mesh. Elsewhere a mesh is written."""
-    bpy.ops.skin_calib.import_urdf(filepath=str(urdf), link="arm", mesh="visual")
-    for folder, mesh in ((urdf.parent, "bot.urdf"), (urdf.parent.parent, "arm.ply")):
-        path = folder / "arm.plan.json"
-        bpy.ops.skin_calib.export_plan(filepath=str(path))
-        assert f'"mesh": "{mesh}"' in path.read_text() and (folder / "arm.ply").exists() == (mesh == "arm.ply")
-    assert load_plan_mesh(load_plan(urdf.parent / "arm.plan.json")).sha256 == load_mesh(folder / "arm.ply").sha256
 
 
 def test_link_without_a_name_is_asked_for(bpy, addon, urdf):
@@ -191,26 +143,6 @@ def test_wrong_unit_is_noticed_and_scaled_in_one_step(bpy, addon, shown):
     assert bpy.data.objects["arm"].scale[0] == 1000
 
 
-def test_metres_taken_for_millimetres_are_noticed(bpy, shown):
-    """This works in a scene of millimetres too; mirrored objects stay mirrored."""
-    bpy.context.scene.unit_settings.scale_length = 0.001
-    link = shown(TUBE)
-    link.scale = (-1, 1, 1)
-    bpy.context.view_layer.update()
-    assert "metres?" in draw(bpy, "link")
-    bpy.ops.skin_calib.scale_to_unit(unit="m")
-    assert_allclose(link.scale, (-1000, 1000, 1000))
-    assert not any("long" in line for line in draw(bpy, "link"))
-
-
-def test_object_that_is_no_link_has_no_warning(bpy, shown):
-    """The size of other objects in the scene gives no warning."""
-    link = shown(TUBE)
-    link.scale, link.skin_calib.link = (1000, 1000, 1000), ""
-    bpy.context.view_layer.update()
-    assert not any("long" in line for line in draw(bpy, "link"))
-
-
 def said(link):
     """Return the findings of the last check, and whether each is a warning."""
     return {finding.message: finding.severity == "warning" for finding in link.skin_calib.diagnosis.findings}
@@ -226,14 +158,6 @@ def test_check_finds_what_is_there_and_offers_the_outer_shell(bpy, shown):
     panel = draw(bpy, "mesh")
     assert {"shell: outer", "shell: seen", "shell: all", "Select Holes and Bad Edges"} <= set(panel)
     assert "The mesh has changed: check again" not in panel
-
-
-def test_valid_mesh_offers_nothing(bpy, shown):
-    """A closed box has no shells to select and no edges to show."""
-    shown(box((0, 0, 0), (0.1, 0.05, 0.025)))
-    bpy.ops.skin_calib.diagnose()
-    fit = ["These settings fit: mean error", "0.0074 mm"]
-    assert draw(bpy, "mesh")[1:] == ["12 faces, 100 x 50 x 25 mm", "One connected part", "No hole", *fit]
 
 
 def move_vertex(bpy, link):
@@ -265,19 +189,6 @@ def test_changed_mesh_outdates_the_check(bpy, addon, shown, monkeypatch, change,
         addon.diagnoses.verify()
     bpy.ops.skin_calib.diagnose()
     assert "The mesh has changed: check again" not in draw(bpy, "mesh")
-
-
-def test_pose_of_the_frame_outdates_no_check(bpy, addon, shown, monkeypatch, state_of):
-    """The check is unverified for a moment only: the pose of the parent does not change the link."""
-    monkeypatch.setattr(addon.diagnoses, "CHECK_DELAY", 0)
-    link = shown(TUBE)
-    frame = frame_for(bpy, link)
-    bpy.ops.skin_calib.diagnose()
-    frame.location = (1, 2, 3)
-    bpy.context.view_layer.update()
-    assert state_of(bpy.context.object).is_unverified
-    addon.diagnoses.verify()
-    assert not state_of(bpy.context.object).is_unverified
 
 
 def test_undo_and_reload_compare_the_check_with_the_mesh(bpy, addon, shown, monkeypatch, tmp_path, state_of):
@@ -326,15 +237,6 @@ def test_edges_that_modifiers_make_are_not_selected(bpy, shown):
     link = shown(TUBE)
     link.modifiers.new("finer", "SUBSURF")
     assert bpy.ops.skin_calib.show_defects() == {"CANCELLED"} and link.mode == "OBJECT"
-
-
-def test_mesh_without_faces_cannot_be_checked(bpy, addon):
-    """One line is reported, and no check is stored."""
-    bare = bare_object(bpy)
-    for press in (bpy.ops.skin_calib.diagnose, bpy.ops.skin_calib.show_defects):
-        with pytest.raises(RuntimeError, match="Error: bare: The mesh has no faces"):
-            press()
-    assert not bare.skin_calib.diagnosis.key
 
 
 @pytest.mark.nightly

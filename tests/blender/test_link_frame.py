@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from tests.examples import slow
+
 
 def frame_for(bpy, link, scale=(1, 1, 1), keep=False):
     """Give the link a parent somewhere in the world.
@@ -82,7 +84,7 @@ def test_moved_and_turned_object_carries_its_taxels(bpy, link, fit_scene):
     assert_allclose(after[1], before[1] @ placed[:3, :3].T, atol=1e-5)
 
 
-@pytest.mark.parametrize("scale", [(-1, 1, 1), (1, -1, 1), (-1, -1, -1)])
+@pytest.mark.parametrize("scale", [(-1, 1, 1), slow((1, -1, 1)), slow((-1, -1, -1))])
 def test_mirrored_object_keeps_outward_normals(bpy, link, fit_scene, fit_plainly, tmp_path, scale):
     """Normals of a mirrored mesh point outward, and its plan gives the same result without Blender."""
     link.scale = scale

@@ -4,7 +4,6 @@ import importlib
 from threading import Event
 
 import pytest
-from numpy import isnan
 
 from tests.blender.conftest import BAND, look
 from tests.blender.test_registration import draw
@@ -87,20 +86,6 @@ def test_plan_that_cannot_be_fitted_says_why_and_recovers(updates, following, mo
     assert not state_of(following).report and not plan.result.outdated
 
 
-def test_preview_leaves_what_judges_to_the_fit(bpy, updates, following, monkeypatch, state_of):
-    """A sheet that overlaps itself is drawn; the status says that warnings follow, and the fit refuses it."""
-    plan = following.skin_calib
-    plan.skins[0].columns = 24
-    look(updates)
-    report = state_of(following).report
-    assert report.refusal is None and not report.interpolated
-    shown = " ".join(draw(bpy, "status"))
-    assert shown.startswith("Preview: mean 0.") and "Errors and warnings follow when the changes end" in shown
-    rest(updates, monkeypatch)
-    assert "overlap" in state_of(following).report.problem and plan.result.outdated
-    assert draw(bpy, "status")[0] == "The fit is refused"
-
-
 def test_boards_that_are_searched_for_follow_with_the_fit(bpy, addon, updates, following, monkeypatch, state_of):
     """A preview leaves them out, with the skin whose channels follow theirs; listed boards are drawn."""
     plan = following.skin_calib
@@ -119,18 +104,6 @@ def test_boards_that_are_searched_for_follow_with_the_fit(bpy, addon, updates, f
     look(updates)
     assert not state_of(following).report.left_out
     assert len(state_of(following).layers.taxels.ids) == 7
-
-
-def test_warnings_of_the_fit_before_a_change_are_named_as_such(bpy, updates, following, monkeypatch):
-    """While the plan differs from the fit, its warnings are not those of the plan."""
-    plan, note = following.skin_calib, "Warnings of the last fit, before the change:"
-    plan.skins[0].columns, plan.skins[0].overlap = 24, True
-    rest(updates, monkeypatch)
-    assert "overlap" in [warning.code for warning in plan.result.warnings] and note not in " ".join(draw(bpy, "status"))
-    monkeypatch.setattr(updates, "FIT_DELAY", 60.0)
-    plan.skins[0].columns = 25
-    look(updates)
-    assert note in " ".join(draw(bpy, "status"))
 
 
 @pytest.mark.slow
@@ -155,21 +128,6 @@ def test_fine_sheet_is_interpolated_in_the_preview_and_exact_in_the_file(
     out = tmp_path / "live.json"
     assert bpy.ops.skin_calib.export_calibration(filepath=str(out)) == {"FINISHED"}
     assert out.read_bytes() == fit_plainly(plan_file(skins=[fine]))
-
-
-def test_many_planes_have_a_coarse_preview_and_an_exact_fit(bpy, updates, following, monkeypatch, state_of):
-    """The automatic spacing of many planes takes long: only the fit that follows has it exactly."""
-    plan = following.skin_calib
-    plan.grid.spacing = "auto"
-    for n, is_coarse in ((24, False), (25, True)):
-        plan.grid.n = n
-        look(updates)
-        report = state_of(following).report
-        assert report.refusal is None and report.coarse == is_coarse
-    rest(updates, monkeypatch)
-    followed = plan.result.mean
-    bpy.ops.skin_calib.fit()
-    assert plan.result.mean == followed
 
 
 def cut_at(plan, height):
@@ -226,17 +184,6 @@ def test_cut_that_moves_removes_faces_of_a_coarse_mesh_until_the_fit(
     assert removed() == exact
 
 
-@pytest.mark.parametrize("is_fine", [False, True])
-def test_sheets_lie_along_the_facets_of_fine_meshes_until_the_fit(is_fine, updates, preview, following, monkeypatch):
-    """The smooth surface through the corners of fine facets takes time, and is near; on coarse ones it is not near."""
-    drafts, real, faces = [], preview.place_all, sum(len(face.vertices) - 2 for face in following.data.polygons)
-    monkeypatch.setattr(preview, "place_all", lambda *given: drafts.append(given[-1]) or real(*given))
-    monkeypatch.setattr(preview, "COARSE_FACES", faces - is_fine)
-    following.skin_calib.grid.n += 1
-    look(updates)
-    assert [draft.on_facets for draft in drafts] == [is_fine]
-
-
 def test_cut_that_moves_leaves_other_surfaces_as_they_are(bpy, updates, preview, following, monkeypatch, state_of):
     """Of two surfaces, only the one with the cut is fitted again; planes placed one by one are fitted exactly."""
     plan, fits = following.skin_calib, []
@@ -285,109 +232,11 @@ def test_large_mesh_has_a_coarse_preview_and_an_exact_fit(bpy, updates, preview,
     assert plan.result.mean == followed and len(fits) == 3
 
 
-def test_preview_judges_what_is_shown(bpy, addon, updates, following, state_of):
-    """Angles to neighbours and uncertainties are computed for a preview only where their layer is drawn."""
-    plan = following.skin_calib
-    plan.skins[0].rows, plan.skins[0].columns, plan.skins[0].pitch = 20, 42, (0.002, 0.003)
-    for heat, has in (("NONE", (False, False)), ("TILT", (True, False)), ("UNCERTAINTY", (False, True))):
-        plan.inspect.heat = heat
-        plan.skins[0].rows -= 1
-        look(updates)
-        taxels = state_of(following).layers.taxels
-        assert (any(taxels.neighbours), not isnan(taxels.sigma).all()) == has
-
-
-def test_error_of_a_preview_is_that_at_the_samples(bpy, addon, updates, following, monkeypatch, state_of):
-    """It is drawn on the surface, and its maximum is near that of the fit, which comes without it."""
-    plan = following.skin_calib
-    plan.inspect.heat = "ERROR"
-    plan.grid.n += 2
-    look(updates)
-    drawn = [next(state_of(following).layers.shown({"ERROR"}))]
-    rest(updates, monkeypatch)
-    drawn.append(next(addon.drawing.layers_now(following).shown({"ERROR"})))
-    assert len(drawn[0].points) == len(drawn[0].colours) != len(drawn[1].points)
-    assert 0.5 < drawn[0].legend.maximum / drawn[1].legend.maximum < 1.5
-    size = [abs(layer.points).max(axis=0).tolist() for layer in drawn]
-    assert size[0] == pytest.approx(size[1], rel=0.02)
-
-
-def test_mesh_that_changes_after_a_preview_gets_another_one(bpy, updates, preview, following, monkeypatch):
-    """A change of the mesh counts also while the fit of a change before it is due."""
-    fits = []
-    monkeypatch.setattr(preview, "fit_grid", lambda *words, real=preview.fit_grid: fits.append(1) or real(*words))
-    monkeypatch.setattr(updates, "FIT_DELAY", 60.0)
-    following.skin_calib.grid.n += 1
-    look(updates)
-    following.data.vertices[0].co.z += 1e-4
-    bpy.context.view_layer.update()
-    look(updates)
-    assert len(fits) == 2
-    look(updates)
-    assert len(fits) == 2
-
-
-def test_mesh_is_read_once_for_each_change(bpy, updates, following, monkeypatch):
-    """Its triangles are read again only after it has changed."""
-    read = []
-
-    def counted(link, context, before=None, real=updates.link_meshes.read_facets):
-        facets = real(link, context, before)
-        read.append(facets is before)
-        return facets
-
-    monkeypatch.setattr(updates.link_meshes, "read_facets", counted)
-    look(updates)
-    read.clear()
-    for n in (7, 8, 9):
-        following.skin_calib.grid.n = n
-        look(updates)
-    assert read == [True] * 3
-    following.data.vertices[0].co.z += 1e-4
-    following.skin_calib.grid.n = 10
-    look(updates)
-    assert read == [True] * 3 + [False]
-
-
-def test_link_that_does_not_follow_is_left_alone(bpy, updates, link):
-    """Without Live a change starts no fit; when Live is switched off, requests are removed."""
-    bpy.ops.skin_calib.fit()
-    plan = bpy.context.object.skin_calib
-    plan.grid.n += 1
-    assert updates.tick() is None and plan.result.outdated
-    plan.live = True
-    plan.live = False
-    assert updates.tick() is None and plan.result.outdated
-
-
-def test_removed_objects_are_forgotten(bpy, updates, following, state_of):
-    """Requests of deleted objects, and of those without a link name, are removed."""
-    plan, state = following.skin_calib, state_of(following)
-    plan.grid.n += 1
-    plan.link = ""
-    assert updates.tick() is None and state.changed_at is None
-    plan.link = "arm"
-    plan.grid.n += 1
-    look(updates)
-    assert state.layers and state.facets
-    bpy.data.objects.remove(following)
-    assert updates.tick() is None
-    (left,) = updates.session.states.values()
-    assert left.facets is left.layers is left.changed_at is None
-
-
-def test_renamed_object_is_followed(bpy, updates, following, state_of, monkeypatch):
-    """Its preview stays, and the fit of the change follows; another object that gets the old name has neither."""
-    following.skin_calib.grid.n += 1
-    look(updates)
-    report = state_of(following).report
-    following.name = "other"
-    usurper = following.copy()
-    bpy.context.scene.collection.objects.link(usurper)
-    usurper.name, usurper.skin_calib.live = "arm", False
-    assert state_of(following).report is report and state_of(usurper).report is None
-    rest(updates, monkeypatch)
-    assert not following.skin_calib.result.outdated and usurper.skin_calib.result.outdated
+OTHER = {
+    "mesh": lambda link: setattr(link.data.vertices[0], "co", link.data.vertices[0].co * 1.001),
+    "modifier": lambda link: setattr(link.modifiers.new("thicker", "DISPLACE"), "strength", 1e-4),
+    "place": lambda link: setattr(link, "location", (0.001, 0, 0)),
+}
 
 
 def test_undo_removes_the_preview(bpy, addon, updates, following, monkeypatch, state_of):
@@ -402,21 +251,6 @@ def test_undo_removes_the_preview(bpy, addon, updates, following, monkeypatch, s
     assert not state_of(link).layers and link.skin_calib.grid.n != 14
     rest(updates, monkeypatch)
     assert not link.skin_calib.result.outdated
-
-
-def test_new_file_removes_requests(bpy, addon, updates, following):
-    """Nothing of the old file is fitted in the new one."""
-    following.skin_calib.grid.n += 1
-    look(updates)
-    bpy.ops.wm.read_homefile(use_empty=True)
-    assert not updates.session.states and updates.tick() is None
-
-
-OTHER = {
-    "mesh": lambda link: setattr(link.data.vertices[0], "co", link.data.vertices[0].co * 1.001),
-    "modifier": lambda link: setattr(link.modifiers.new("thicker", "DISPLACE"), "strength", 1e-4),
-    "place": lambda link: setattr(link, "location", (0.001, 0, 0)),
-}
 
 
 @pytest.mark.parametrize("change", OTHER.values(), ids=OTHER)
@@ -438,29 +272,6 @@ def test_other_mesh_modifier_or_place_outdates_the_result(bpy, updates, link, ch
     rest(updates, monkeypatch)
     assert link.skin_calib.result.outdated != follow
     assert (link.skin_calib.result.key != key) == follow
-
-
-def test_fit_runs_in_a_thread(bpy, updates, following, monkeypatch, state_of):
-    """A change during the last step stops the fit, and the result of the new plan is kept."""
-    go_on, begun = Event(), Event()
-
-    def slowly(plan, mesh, begin, real=updates.results.fit):
-        begun.set()
-        go_on.wait(20)
-        return real(plan, mesh, begin)
-
-    plan = following.skin_calib
-    monkeypatch.setattr(updates.results, "fit", slowly)
-    plan.grid.n = 8
-    look(updates)
-    monkeypatch.setattr(updates, "FIT_DELAY", 0.0)
-    assert updates.tick() == updates.POLL_INTERVAL and begun.is_set()
-    plan.grid.n = 12
-    look(updates)
-    assert state_of(following).report.mean > 0, "the new plan is drawn while the old fit still runs"
-    go_on.set()
-    rest(updates, monkeypatch)
-    assert not plan.result.outdated and plan.result.control_points == 12 * 12
 
 
 def test_mesh_that_changes_during_a_fit_is_fitted_again(bpy, updates, following, monkeypatch):

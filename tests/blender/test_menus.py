@@ -1,13 +1,12 @@
 """The menu Skin in the header: every operator; samples; faces without skin."""
 
 import importlib
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tests.blender.conftest import BOARDS
-from tests.blender.test_registration import EXCHANGE, OPERATORS, Drawn, Layout
+from tests.blender.test_registration import EXCHANGE, OPERATORS, Layout
 from tests.examples import slow
 
 INTERNAL = {"import_wait", "choose_link", "take_advice"}  # a part of other operators
@@ -54,7 +53,7 @@ def test_entries_work_on_the_rows_of_the_panels(bpy, link, extension):
     assert found["plane_remove"] == {"family": "v", "index": 2} and found["plane_add"] == {"family": "v"}
 
 
-@pytest.mark.parametrize("name", ["wrist", "sole", "edge"])
+@pytest.mark.parametrize("name", ["edge", slow("wrist"), slow("sole")])
 def test_sample_is_opened_from_the_extension(bpy, name):
     """It has a plan that fits."""
     assert bpy.ops.skin_calib.open_sample(name=name) == {"FINISHED"}
@@ -154,35 +153,3 @@ def test_faces_are_without_taxels_of_a_sheet(bpy, link, addon):
     for name, is_over, is_clear in zip(before.taxels.ids, over, clear):
         assert name not in kept if is_over else name in kept or not is_clear, name
     assert over.any() and clear.any()
-
-
-def test_faces_over_a_sheet_that_has_moved_are_a_warning(bpy, link, capfd):
-    """The taxels are those of the last fit: after a move of the sheet, others are over the faces."""
-    group = link.vertex_groups.new(name="no skin")
-    group.add(range(len(link.data.vertices)), 1.0, "REPLACE")
-    bpy.ops.skin_calib.fit()
-    link.skin_calib.skins[0].taxels.clear()
-    assert bpy.ops.skin_calib.zones_from_faces(skin=0) == {"FINISHED"}
-    assert "Info: band: 6 taxels disabled\n" in capfd.readouterr().out
-    link.skin_calib.skins[0].taxels.clear()
-    link.skin_calib.skins[0].direction = (0, 0, 1)
-    assert link.skin_calib.result.outdated and bpy.ops.skin_calib.zones_from_faces(skin=0) == {"FINISHED"}
-    assert "Warning: band: 6 taxels disabled, as in the last fit. If the skin" in capfd.readouterr().out
-
-
-class Recorded(Layout):
-    """Records each operator with its properties."""
-
-    def operator(self, name, **_):
-        self.called.append(SimpleNamespace(id=name))
-        return self.called[-1]
-
-
-def test_menu_puts_each_skin_on_a_surface(bpy, link):
-    """The entry of the second skin changes the second skin."""
-    bpy.ops.skin_calib.skin_add(kind="sheet")
-    bpy.ops.skin_calib.surface_add()
-    layout = Recorded(bpy, [])
-    Drawn(bpy.types.SKIN_MT_skins, layout).draw(bpy.context)
-    put = [(found.skin, found.name) for found in layout.called if found.id == "skin_calib.skin_surface"]
-    assert put == [(skin, name) for skin in (0, 1) for name in ("cover", "surface_2")]

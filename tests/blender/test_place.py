@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from tests.blender.conftest import ROOT, modules
+from tests.blender.conftest import ROOT
 from tests.blender.test_link_frame import frame_for
 
 POINT = (0.0358, 0.0208, 0.0523)
@@ -133,28 +133,3 @@ def test_what_can_be_moved_has_a_handle(addon, with_skins):
     assert handles.targets_of(plan) == sheet
     plan.skins[0].landmarks.clear()
     assert handles.targets_of(plan) == [("origin", 0, 0), ("direction", 0, 0)]
-
-
-@pytest.mark.parametrize("hide", ["object", "collection", "local view"])
-def test_hidden_link_has_no_handles(bpy, link, extension, hide):
-    """As its overlay, they are in views that show the link; a hidden object stays the active one."""
-    found = modules(extension, "handles.plane_handles", "handles.skin_handles")
-    groups = found.plane_handles.SKIN_GGT_planes, found.skin_handles.SKIN_GGT_skins
-    link.skin_calib.cover.cuts.add()
-    area = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
-    with bpy.context.temp_override(area=area, region=area.regions[-1]):
-        assert all(handles.poll(bpy.context) for handles in groups)
-        if hide == "object":
-            link.hide_set(True)
-        elif hide == "collection":
-            group = bpy.data.collections.new("hidden")
-            bpy.context.scene.collection.children.link(group)
-            group.objects.link(link)
-            bpy.context.scene.collection.objects.unlink(link)
-            bpy.context.view_layer.objects.active = link
-            bpy.context.view_layer.layer_collection.children["hidden"].hide_viewport = True
-        else:  # of another object
-            bpy.ops.mesh.primitive_cube_add()
-            bpy.ops.view3d.localview(frame_selected=False)
-            bpy.context.view_layer.objects.active = link
-        assert bpy.context.object == link and not any(handles.poll(bpy.context) for handles in groups)

@@ -4,8 +4,6 @@ import importlib
 
 import pytest
 
-from tests.blender.test_registration import draw
-
 
 @pytest.fixture
 def settings(bpy, extension):
@@ -17,31 +15,15 @@ def settings(bpy, extension):
             found.property_unset(item.identifier)
 
 
-def test_each_preference_has_a_tooltip_and_is_drawn(bpy, extension, settings):
-    """Those of the table of colours, and the others."""
-    own = [p for p in settings.bl_rna.properties if p.identifier not in ("rna_type", "bl_idname")]
-    assert len(own) == 9 and all(len(p.description) > 10 for p in own)
-
-
 def test_scene_without_a_skin_gets_that_of_the_preferences(bpy, extension, settings, monkeypatch):
     """The skin of the scene has priority."""
     robot = importlib.import_module(f"{extension}.operators.robot")
     wanted = []
     monkeypatch.setattr(robot, "parse_skin", lambda text: wanted.append(text) or None)
-    monkeypatch.setattr(robot.OverLinks, "choose", lambda self, context: None)
+    monkeypatch.setattr(robot.Working, "chosen", lambda self, context: None)
     scene, propose = bpy.context.scene.skin_calib, type("Stub", (robot.Propose,), {})()
     settings.skin = "hexagons:8mm"
-    propose.choose(bpy.context)
+    propose.chosen(bpy.context)
     scene.skin = "sheet:6x22x10mm"
-    propose.choose(bpy.context)
+    propose.chosen(bpy.context)
     assert wanted == ["hexagons:8mm", "sheet:6x22x10mm"]
-
-
-def test_lines_have_the_colours_of_the_preferences(bpy, extension, settings, link):
-    """A layer with a colour of its own keeps it."""
-    drawing = importlib.import_module(f"{extension}.skin_calib_addon.blender.overlay.drawing")
-    layers = importlib.import_module(f"{extension}.skin_calib_addon.blender.overlay.layers")
-    settings.cells = (0.25, 0.5, 0.75, 1.0)
-    assert drawing._colour(layers.Layer("CELLS", None)) == (0.25, 0.5, 0.75, 1.0)
-    assert drawing._colour(layers.Layer("TOUCHES", None, colour=(1, 0, 0, 1))) == (1, 0, 0, 1)
-    assert "skin" in draw(bpy, "link")

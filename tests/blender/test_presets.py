@@ -60,10 +60,3 @@ def test_own_skin_is_saved_and_added(bpy, link, document, kind):
     assert {k: v for k, v in added.items() if k not in own} == {k: v for k, v in saved.items() if k not in own}
     assert added.get("origin", "center") == "center"
     file.unlink()
-
-
-def test_taxels_of_a_file_are_no_preset(bpy, link):
-    """The reason says what presets keep."""
-    link.skin_calib.skins[0].kind = "imported"
-    with pytest.raises(RuntimeError, match="Presets keep sheets and boards"):
-        bpy.ops.skin_calib.preset_save(skin=0, name="none")

@@ -1,6 +1,5 @@
 """A whole robot in the window: import, list, proposals, fits and export of all links."""
 
-import importlib
 import json
 
 import numpy as np
@@ -10,7 +9,6 @@ from numpy.testing import assert_allclose
 
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon import cli
-from skin_calib_addon.proposal.skins import parse_skin
 from skin_calib_addon.robot.kinematics import link_poses
 from skin_calib_addon.robot.link_mesh import load_urdf_mesh
 from skin_calib_addon.robot.urdf import read_robot
@@ -75,13 +73,6 @@ def robot(bpy, urdf):
     return urdf
 
 
-def test_dropped_robot_is_read_without_a_question(bpy, urdf):
-    """Blender invokes the operator of the handler with the path; the file browser stays closed."""
-    module, operator = bpy.types.SKIN_FH_robot.bl_import_operator.split(".")
-    assert getattr(getattr(bpy.ops, module), operator)("INVOKE_DEFAULT", filepath=str(urdf)) == {"FINISHED"}
-    assert {link.skin_calib.link for link in bpy.data.objects if link.type == "MESH" and link.skin_calib.link}
-
-
 @pytest.mark.parametrize("metre", [1.0, 0.001])
 def test_links_lie_in_their_frames_in_the_zero_pose(bpy, addon, urdf, metre):
     """Each link has the geometry that the command line reads, to the bit, and the pose of forward kinematics."""
@@ -115,36 +106,6 @@ def test_broken_link_is_listed_with_its_reason(bpy, urdf, capfd):
     bpy.context.scene.skin_calib.row = bpy.context.scene.objects.find("finger_frame")
     assert bpy.context.object == frame
     assert f"finger: refused. {reason}" in " ".join(draw(bpy, "robot"))
-
-
-BROKEN = {
-    "no name": ('"finger"', '""', ': bot.urdf has a link with the name ""'),
-    "no name for a plan": ('"finger"', '"two&#10;lines"', 'bot.urdf has a link with the name "two\\nlines"'),
-    "empty file": ("package://bot/meshes/none.stl", "../meshes/empty.dae", "finger: empty.dae is empty."),
-    "outside": (
-        "package://bot/meshes/none.stl",
-        "/dev/zero",
-        "finger: the mesh file /dev/zero of bot.urdf was not found",
-    ),
-    "far away": (
-        'none.stl"',
-        'tube.ply" scale="1 1e300 1"',
-        "finger: package://bot/meshes/tube.ply has 1e+300 in its scale",
-    ),
-    "not a mesh": ("package://bot/meshes/none.stl", "bot.urdf", "finger: bot.urdf has an unknown format"),
-}
-
-
-@pytest.mark.parametrize("case", BROKEN)
-def test_one_broken_link_does_not_stop_the_import(bpy, urdf, capfd, case):
-    """One warning for it; the other links are imported and can be saved."""
-    old, new, words = BROKEN[case]
-    (urdf.parent.parent / "meshes" / "empty.dae").touch()
-    urdf.write_text(urdf.read_text().replace(old, new))
-    assert bpy.ops.skin_calib.import_robot(filepath=str(urdf)) == {"FINISHED"}
-    assert sorted(o.skin_calib.link for o in bpy.data.objects if o.type == "MESH") == ["hand", "lower", "upper"]
-    warned = [line for line in capfd.readouterr().out.splitlines() if line.startswith("Warning: ")]
-    assert len(warned) == 1 and words in warned[0]
 
 
 def test_import_of_a_robot_is_one_step_of_undo(bpy, urdf):
@@ -219,21 +180,6 @@ def test_saved_robot_is_the_same_after_opening(bpy, addon, robot, tmp_path):
     links = [o for o in bpy.data.objects if o.type == "MESH"]
     assert {o.name: addon.link_meshes.read_mesh(o, bpy.context).sha256 for o in links} == before
     assert all(addon.robots.urdf_of(link).samefile(robot) for link in links)
-
-
-@pytest.mark.parametrize("name", ["g1_description/g1_29dof_rev_1_0.urdf", "jvrc_description/urdf/jvrc1.urdf"])
-@pytest.mark.nightly
-def test_real_robot_has_the_geometry_of_the_command_line(bpy, addon, name):
-    """All links of a real robot, STL or DAE with package://, have the same bytes through both interfaces."""
-    path = ROBOTS / name
-    if not path.exists():
-        pytest.skip(f"{path.name} is not on this machine")
-    bpy.ops.skin_calib.import_robot(filepath=str(path))
-    links = [o for o in bpy.data.objects if o.type == "MESH"]
-    assert len(links) > 25
-    for link in links:
-        expected = load_urdf_mesh(path, link.skin_calib.link)
-        assert addon.link_meshes.read_mesh(link, bpy.context).sha256 == expected.sha256, link.name
 
 
 @pytest.fixture(scope="module")
@@ -313,38 +259,6 @@ def test_proposal_of_a_single_mesh_has_the_plan_of_the_command_line(bpy, documen
     assert document(bpy.context.object) == shown
 
 
-@pytest.mark.slow
-def test_proposal_next_to_a_link_that_cannot_be_read_says_so(bpy, tmp_path, capfd):
-    """As a warning of the operator, and among the reasons in the panel."""
-    written(subdivided(welded(trimesh.creation.cylinder(0.03, 0.12, sections=48))), tmp_path / "tube.ply")
-    links = "".join(f'<link name="{name}">{shape(name + ".ply")}</link>' for name in ("tube", "lost"))
-    joint = JOINT.format(parent="tube", child="lost", xyz="0 0 0.5", rpy="0 0 0")
-    (tmp_path / "bot.urdf").write_text(f'<robot name="bot">{links}{joint}</robot>')
-    bpy.ops.skin_calib.import_robot(filepath=str(tmp_path / "bot.urdf"))
-    bpy.context.scene.skin_calib.skin = SKIN
-    capfd.readouterr()
-    assert bpy.ops.skin_calib.propose() == {"FINISHED"}
-    words = "What lost covers is not known: the mesh file lost.ply of bot.urdf was not found."
-    assert f"Warning: tube: {words}" in capfd.readouterr().out
-    assert words in " ".join(draw(bpy, "reasons"))
-
-
-@pytest.mark.slow
-def test_link_that_is_renamed_during_a_proposal_keeps_its_name(bpy, link, extension, monkeypatch):
-    """The surfaces and skins are those of the proposal; its fit is of a plan with another name, so it is outdated."""
-    work, settings = modules(extension, "live.background").background.Work, link.skin_calib
-    result = work.result
-
-    def after_rename(self):
-        settings.link = "renamed"
-        return result(self)
-
-    monkeypatch.setattr(work, "result", after_rename)
-    bpy.context.scene.skin_calib.skin = SKIN
-    assert bpy.ops.skin_calib.propose() == {"FINISHED"}
-    assert settings.link == "renamed" and settings.proposed and settings.result.key and settings.result.outdated
-
-
 @pytest.fixture
 def meanwhile(extension, monkeypatch):
     """Return a function that has something done while the first computation of an operator runs."""
@@ -380,13 +294,6 @@ def test_work_follows_renamed_links_and_names_removed_ones(bpy, plan_file, meanw
     assert "Warning: c was removed in the meantime" in out and "Fitted 2 links; refused: 1" in out
 
 
-def test_work_on_a_single_link_that_is_removed_is_refused(bpy, link, meanwhile):
-    """It was a success for 0 links."""
-    meanwhile(lambda: bpy.data.objects.remove(link))
-    with pytest.raises(RuntimeError, match="Error: arm was removed in the meantime"):
-        bpy.ops.skin_calib.fit_all()
-
-
 @pytest.mark.slow
 def test_propose_all_keeps_skins_that_are_added_while_it_works(bpy, plan_file, meanwhile, capfd):
     """The link that is worked on, and one that waits, can get a skin."""
@@ -406,15 +313,6 @@ def test_propose_all_keeps_skins_that_are_added_while_it_works(bpy, plan_file, m
     for name in "ab":
         assert f"Warning: {name}: It has got a skin in the meantime, and keeps its plan." in out
     assert "Proposed plans for 0 links; refused: 2" in out
-
-
-@pytest.mark.slow
-def test_propose_warns_of_changes_that_it_replaces(bpy, link, meanwhile, capfd):
-    """It replaces the plan of the active link; what was changed while it worked can be wanted."""
-    bpy.context.scene.skin_calib.skin = SKIN
-    meanwhile(lambda: setattr(link.skin_calib.skins[0], "rows", 7))
-    assert bpy.ops.skin_calib.propose() == {"FINISHED"} and link.skin_calib.proposed
-    assert "Warning: arm: the plan was changed during the proposal, which replaces it" in capfd.readouterr().out
 
 
 def test_refused_proposals_and_exports_state_the_reason(bpy, robot, tmp_path):
@@ -438,14 +336,6 @@ def test_refused_proposals_and_exports_state_the_reason(bpy, robot, tmp_path):
         bpy.ops.skin_calib.fit_all()
     assert "upper: refused" in draw(bpy, "robot")
     assert " ".join(draw(bpy, "work")).count("Degree 3 needs at least 4 u-planes") == 1  # in the state above
-
-
-def test_presets_of_the_skin_can_be_read(addon, extension):
-    """Each preset in the field is a skin; what is typed selects among them."""
-    properties = importlib.import_module(f"{extension}.skin_calib_addon.blender.properties.robot")
-    assert [parse_skin(name).text for name, _ in properties.PRESETS] == [name for name, _ in properties.PRESETS]
-    assert len(properties._presets(None, None, "hexagons")) == 3  # the field shows all while it has one of them
-    assert properties._presets(None, None, "shee") == [properties.PRESETS[2]]
 
 
 @pytest.mark.parametrize(

@@ -59,8 +59,13 @@ class Window(RuleBasedStateMachine):
         ours.updates.FIT_DELAY = delay
         while ours.diagnoses.verify() is not None:
             pass
-        while ours.updates.tick() == ours.updates.POLL_INTERVAL or not delay and ours.updates.tick() is not None:
+        while ours.updates.tick() == ours.updates.POLL_INTERVAL or self.is_waiting(not delay):
             pass
+
+    def is_waiting(self, for_fits):
+        """Return whether a preview is due, or anything that follows a change; a tick ends with one job of one link."""
+        changed = [state for state in self.session.states.values() if state.changed_at is not None]
+        return any(for_fits or not state.is_previewed for state in changed)
 
     def step(self):
         """End an edit of the author: a step of undo, and all that follows from it."""

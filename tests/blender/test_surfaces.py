@@ -46,15 +46,6 @@ def test_same_bytes_leave_all_doors(bpy, two, fit_plainly, fit_scene, document):
     assert written["surfaces"][1]["max_deviation"] == 0.004
 
 
-def test_surface_survives_save_and_reload(bpy, two, fit_scene, tmp_path, document):
-    """The .blend has all surfaces."""
-    bpy.ops.skin_calib.surface_show(index=1)
-    before = document(bpy.context.object), fit_scene()
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
-    assert (document(bpy.context.object), fit_scene()) == before
-
-
 def test_surfaces_are_added_changed_and_removed(bpy, link, document):
     """A new surface is a copy of the shown one; a surface with a skin on it stays; each step is undone."""
     assert document(link)["version"] == 1

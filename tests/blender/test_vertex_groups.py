@@ -76,16 +76,6 @@ def test_result_is_outdated_by_an_edited_group_without_live(bpy, updates, exclud
     assert excluding.skin_calib.result.outdated
 
 
-def test_group_can_be_changed_while_its_vertices_are_edited(bpy, addon, excluding):
-    """In Edit Mode the assigned vertices count at once."""
-    bpy.ops.object.mode_set(mode="EDIT")
-    bpy.ops.mesh.select_all(action="SELECT")
-    bpy.ops.object.vertex_group_assign()
-    assert len(zones(addon, bpy, excluding)) > 10
-    bpy.ops.object.vertex_group_remove_from()
-    assert zones(addon, bpy, excluding) == ()
-
-
 def test_another_group_is_another_zone(bpy, addon, excluding):
     """The field takes the name of any group; a missing one is an error that names it, also in the list of the link."""
     excluding.vertex_groups.new(name="cable").add(vertices_of(excluding, 1, 0.012), 1.0, "REPLACE")
@@ -106,19 +96,6 @@ def test_vertices_with_little_weight_do_not_count(bpy, addon, excluding):
     assert zones(addon, bpy, excluding) == ()
     group.add(vertices_of(excluding, 2, 0.085), 0.51, "REPLACE")
     assert zones(addon, bpy, excluding)
-
-
-def test_group_follows_the_modifiers(bpy, addon, excluding):
-    """A modifier that mirrors or moves faces does so with their group; boards were placed on the copies."""
-    excluding.vertex_groups["screws"].add(vertices_of(excluding, 2, 0.085), 1.0, "REPLACE")
-    plain = np.array([zone.point for zone in zones(addon, bpy, excluding)])
-    excluding.modifiers.new("two", "ARRAY").use_relative_offset = False
-    excluding.modifiers["two"].use_constant_offset = True
-    excluding.modifiers["two"].constant_offset_displace = (0.2, 0, 0)
-    both = np.array([zone.point for zone in zones(addon, bpy, excluding)])
-    assert (both[:, 0] < 0.1).sum() == len(plain) and (both[:, 0] > 0.1).sum() > 5
-    bpy.ops.object.modifier_apply(modifier="two")
-    assert np.array_equal([zone.point for zone in zones(addon, bpy, excluding)], both)
 
 
 def test_group_follows_geometry_nodes(bpy, addon, excluding):
@@ -161,16 +138,6 @@ def test_command_line_has_the_same_boards(bpy, excluding, tmp_path, fit_scene, f
     path = tmp_path / "exported.plan.json"
     bpy.ops.skin_calib.export_plan(filepath=str(path))
     assert fit_scene() == fit_plainly(path)
-
-
-def test_undo_of_an_edited_group_brings_the_boards_back(bpy, addon, excluding):
-    """The group is data of Blender: its undo is that of Blender."""
-    bpy.ops.ed.undo_push(message="before")
-    assign(bpy, excluding, 2, 0.085)
-    bpy.ops.ed.undo_push(message="assigned")
-    assert zones(addon, bpy, excluding)
-    bpy.ops.ed.undo()
-    assert zones(addon, bpy, bpy.data.objects["arm"]) == ()
 
 
 def test_group_without_a_complete_face_is_a_warning(bpy, excluding, tmp_path):

@@ -22,7 +22,6 @@ def drive(gui):
     view.view_location.x += 0.25 * view.view_distance  # clear of the side bar
     yield from gui.redraw()
     yield from cuts_by_click(gui)
-    yield from keeps_the_other_side(gui)
     yield from lists_five(gui)
     yield from cuts_a_selection_away(gui)
 
@@ -55,19 +54,6 @@ def cuts_by_click(gui):
     assert not plan().cover.cuts
     yield from undo(gui, "shift")
     assert len(plan().cover.cuts) == 1
-
-
-def keeps_the_other_side(gui):
-    """The arrows in the row of a cut flip it; undo flips it back."""
-    x, y = yield from find(gui, "skin_calib.cut_remove(index=0")
-    yield from gui.click(x - FLIP, y)
-    yield from gui.redraw()
-    assert plan().cover.cuts[0].normal[2] == 1
-    yield 1.0
-    yield from gui.redraw()
-    yield from gui.shot("flipped.png")
-    yield from undo(gui)
-    assert plan().cover.cuts[0].normal[2] == -1
 
 
 def lists_five(gui):

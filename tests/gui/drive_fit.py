@@ -1,6 +1,5 @@
 """Drives the window from the opened sample to an exported calibration."""
 
-import json
 import os
 import subprocess
 import sys
@@ -21,7 +20,6 @@ def drive(gui):
     yield from shows_the_error(gui)
     yield from exports(gui)
     yield from exports_taxels(gui)
-    yield from exports_the_link_of_the_browser(gui)
 
 
 def opens_ready_to_fit(gui):
@@ -113,18 +111,3 @@ def exports_taxels(gui):
     yield from gui.choose_file(path)
     yield from gui.wait(path.exists, 30, "the exported taxels")
     assert path.read_text().count("<touch ") == 120
-
-
-def exports_the_link_of_the_browser(gui):
-    """A link that becomes active while the file browser is open is not written."""
-    path = gui.out / "kept.json"
-    path.unlink(missing_ok=True)
-    yield from press(gui, "skin_calib.export_calibration")
-    yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
-    other = link().copy()
-    other.name = other.skin_calib.link = "other"
-    bpy.context.scene.collection.objects.link(other)
-    bpy.context.view_layer.objects.active = other
-    yield from gui.choose_file(path)
-    yield from gui.wait(path.exists, 30, "the exported file")
-    assert json.loads(path.read_text())["link"] == "sample_wrist"

@@ -1,6 +1,5 @@
-"""Drives imports into Blender's start scene: a link within the cube is shown alone and in full; files are dropped."""
+"""Drives imports into Blender's start scene: a link within the cube is shown alone and in full."""
 
-import subprocess
 from pathlib import Path
 
 import bpy
@@ -21,7 +20,6 @@ def drive(gui):
     yield from gui.shot("redone.png")
     assert is_seen(gui, "wrist")
     yield from imports(gui, "sole")  # the file browser opens again, although the operator knows the last path
-    yield from drops(gui)
     yield from cuts_with_the_tool(gui)
     yield from shows_the_menus(gui)
 
@@ -40,46 +38,6 @@ def imports(gui, name):
     yield from gui.redraw(3)
     yield from gui.shot(f"{name}.png", area=None)
     assert is_seen(gui, name) and not is_seen(gui, "Cube") and is_in_full(gui, name)
-
-
-URDF = """
-<robot name="two">
-  <link name="base"/>
-  <link name="tube"><visual><geometry><mesh filename="edge.ply"/></geometry></visual></link>
-  <joint name="fixed" type="fixed"><parent link="base"/><child link="tube"/></joint>
-</robot>
-"""
-
-
-def drops(gui):
-    """A plan, a mesh and a robot are dragged into the view and dropped; of several importers, one is chosen."""
-    (gui.out / "edge.ply").write_bytes((SAMPLES / "edge.ply").read_bytes())
-    (gui.out / "two.urdf").write_text(URDF)
-    for path, key, name in (
-        (SAMPLES / "edge.plan.json", None, "sample_edge"),
-        (SAMPLES / "edge.ply", "L", "edge"),  # Import Link Mesh, below Import PLY
-        (gui.out / "two.urdf", "I", "tube"),  # Import Robot, above Import Link of a Robot
-    ):
-        assert name not in bpy.data.objects
-        yield from dropped(gui, path)
-        if key:
-            yield 0.5
-            yield from gui.key(key)
-        yield from gui.wait(lambda name=name: name in bpy.data.objects, 20, f"the import of {path.name}")
-        yield 1.0
-        yield from gui.redraw(3)
-        assert is_seen(gui, name) and is_in_full(gui, name)
-    yield from gui.shot("dropped.png", area=None)
-
-
-def dropped(gui, path):
-    """Drag a file to the middle of the 3D view, and drop it there."""
-    region = gui.region()
-    x, y = region.x + region.width // 2, gui.window.height - 1 - (region.y + region.height // 2)
-    words = ["python3", Path(__file__).with_name("drag_source.py"), path, x, y]
-    source = subprocess.Popen([*map(str, words)], stderr=subprocess.PIPE, text=True)
-    yield from gui.wait(lambda: source.poll() is not None, 60, "the end of the drop")
-    assert source.returncode == 0, source.stderr.read()
 
 
 def cuts_with_the_tool(gui):

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from buttons import press
 from mathutils import Vector
-from sample import follow, hover_view, open_steps, ours, plan, red, run, state, undo
+from sample import follow, hover_view, open_steps, ours, plan, red, run, undo
 
 TURN, SHIFT = np.array([[0, -1, 0], [0.6, 0, -0.8], [0.8, 0, 0.6]]), np.array([0.25, -0.125, 0.5])
 
@@ -19,9 +19,8 @@ def drive(gui):
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
     write(path)
     yield from chooses_the_file(gui, path)
-    yield from reports_the_frame(gui)
+    yield from follow(gui)
     yield from finds_the_frame(gui)
-    yield from follows_the_file(gui)
     yield from goes_back(gui)
 
 
@@ -50,16 +49,6 @@ def chooses_the_file(gui, path):
     yield from gui.shot("chosen.png")
 
 
-def reports_the_frame(gui):
-    """Live reports why the taxels cannot be placed, and continues when they can."""
-    yield from follow(gui)
-    yield from gui.wait(lambda: state().report and "off the mesh" in state().report.problem, 60, "the refusal")
-    yield from hover_view(gui)
-    yield from gui.redraw(3)
-    assert "press Find Frame" in state().report.problem and "{" not in state().report.problem
-    yield from gui.shot("refused.png")
-
-
 def finds_the_frame(gui):
     """After one click they are at the positions of the sheet; the result has their number."""
     yield from press(gui, "skin_calib.frame_find")
@@ -73,23 +62,8 @@ def finds_the_frame(gui):
     yield from gui.shot("found.png")
 
 
-def follows_the_file(gui):
-    """A typed pattern leaves out taxels, and Live follows."""
-    yield from press(gui, "skins[0].only")
-    yield from gui.key("A", "ctrl")
-    yield from gui.type("t1*")
-    yield from gui.key("RET")
-    yield from gui.wait(lambda: plan().skins[0].only == "t1*", 10, "the pattern")
-    yield from gui.wait(lambda: not plan().result.outdated and plan().result.taxels == 31, 60, "fewer taxels")
-    yield from hover_view(gui)
-    yield from gui.redraw(3)
-    yield from gui.shot("only.png")
-
-
 def goes_back(gui):
-    """Ctrl-Z undoes the pattern, the frame, the file and the removal of the sheet, one by one."""
-    yield from undo(gui)
-    yield from gui.wait(lambda: plan().skins[0].only == "", 20, "the pattern undone")
+    """Ctrl-Z undoes the frame, the file and the removal of the sheet, one by one."""
     for _ in range(12):
         if plan().skins and plan().skins[0].kind == "sheet":
             break

@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import trimesh
-from buttons import find, press
+from buttons import press
 from sample import hover_view, open_steps, undo
 
 ROBOT = """<robot name="bot">{}</robot>"""
@@ -21,10 +21,6 @@ def drive(gui):
     yield from open_steps(gui)
     yield from hover_view(gui)
     yield from imports_the_mesh(gui, path)
-    yield from checks_it(gui)
-    yield from keeps_all_parts(gui)
-    yield from shows_its_holes(gui)
-    yield from notices_a_wrong_unit(gui)
     yield from imports_a_link_of_a_robot(gui, path.with_name("bot.urdf"))
 
 
@@ -57,69 +53,6 @@ def imports_the_mesh(gui, path):
         bpy.ops.view3d.view_selected()
     yield from gui.redraw()
     yield from gui.shot("imported.png")
-
-
-def checks_it(gui):
-    """Parts, holes and edges are reported until the mesh changes."""
-    yield from press(gui, "skin_calib.diagnose")
-    yield from gui.wait(lambda: active().skin_calib.diagnosis.key, 20, "the check")
-    yield from hover_view(gui)
-    yield from gui.redraw()
-    yield from gui.shot("checked.png")
-    found = active().skin_calib.diagnosis
-    assert found.inner == 1 and found.edges > 100 and any(f.severity == "warning" for f in found.findings)
-    yield from undo(gui)
-    assert not active().skin_calib.diagnosis.key
-    yield from undo(gui, "shift")
-    assert active().skin_calib.diagnosis.key
-
-
-def keeps_all_parts(gui):
-    """One click keeps the inner part too; another click, or undo, keeps the outer shell only."""
-    side = gui.region("UI")
-    shells = []
-    for fraction in (0.8, 0.41, 0.8):  # within All, Outer, All of the rows of both steps, Mesh and Cut
-        _, y = yield from find(gui, "skin_calib.cover.shell")  # the note about the changed plan moves it
-        yield from gui.click(side.x + fraction * side.width, y)
-        yield from gui.redraw()
-        shells.append(active().skin_calib.cover.shell)
-    yield from undo(gui)
-    shells.append(active().skin_calib.cover.shell)
-    assert shells == ["all", "outer", "all", "outer"], shells
-
-
-def shows_its_holes(gui):
-    """The edges of holes are selected in Edit Mode; Ctrl-Z returns to Object Mode, and the check is valid."""
-    yield from press(gui, "skin_calib.show_defects")
-    yield from gui.wait(lambda: bpy.context.mode == "EDIT_MESH", 10, "Edit Mode")
-    yield from gui.redraw(3)
-    yield from gui.shot("holes.png")
-    assert active().data.total_edge_sel == active().skin_calib.diagnosis.edges
-    yield 1.0
-    yield from undo(gui)
-    assert bpy.context.mode == "OBJECT", bpy.context.mode
-    yield 1.0
-    yield from gui.redraw(3)
-    yield from gui.shot("holes_undone.png")
-
-
-def notices_a_wrong_unit(gui):
-    """An object that is a thousand times too large is scaled with one click, and restored with one undo."""
-    active().scale = [1000 * s for s in active().scale]
-    bpy.ops.ed.undo_push(message="wrong unit")
-    yield 1.0
-    yield from gui.redraw(3)
-    yield from gui.shot("wrong_unit.png")
-    yield from press(gui, "skin_calib.scale_to_unit")
-    yield from gui.redraw(3)
-    assert 0.09 < max(active().dimensions) < 0.11
-    yield 1.0
-    yield from gui.redraw(3)
-    yield from gui.shot("right_unit.png")
-    yield from undo(gui)
-    assert max(active().dimensions) > 90
-    yield from undo(gui)
-    assert 0.09 < max(active().dimensions) < 0.11
 
 
 def imports_a_link_of_a_robot(gui, path):

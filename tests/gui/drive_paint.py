@@ -75,7 +75,7 @@ def is_painting():
 
 
 def slides(gui):
-    """The ball at the root moves the complete lattice."""
+    """The box at the root moves the complete lattice."""
     yield from follow(gui)
     yield from gui.wait(lambda: not plan().result.outdated and plan().result.key, 60, "the result")
     yield from gui.redraw(3)

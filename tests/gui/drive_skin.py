@@ -32,7 +32,7 @@ def skin():
 
 
 def slides_the_origin(gui):
-    """The ball follows the mouse over the link, the sheet follows the ball; Ctrl-Z restores both."""
+    """The box follows the mouse over the link, the sheet follows the box; Ctrl-Z restores both."""
     start = gui.at(basis("origin").translation)
     goal = start[0] - 40, start[1] + 15
     ours("live.updates").FIT_DELAY = 60.0  # a software renderer rests between two moves

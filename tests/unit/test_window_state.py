@@ -15,8 +15,6 @@ ALLOWED = {
     "blender/overlay/drawing.py: _handles": "of the extension",
     "blender/overlay/drawing.py: _prepared": "by a hash of plan and mesh",
     "blender/overlay/drawing.py: _cached": "by a token that undo restores on the link",
-    "blender/overlay/legend.py: _batches": "by their colours",
-    "blender/overlay/labels.py: _stored": "by region and object; compared with all they depend on",
     "blender/inspection/replay.py: messages": "by a token that undo restores on the link",
     "blender/inspection/replay.py: _replays": "by a token that undo restores on the link",
     "blender/scene/results.py: _results": "by a hash of plan and mesh",

@@ -12,7 +12,7 @@ from mathutils import Matrix, Quaternion, Vector
 
 from ..live.sketch import COLOURS, FAMILIES, MISSED
 from ..scene.link_meshes import link_frame
-from ..scene.link_objects import why_no_link
+from ..scene.link_objects import why_not
 from ..scene.units import metres_per_unit
 from ..session import session
 
@@ -162,7 +162,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
 def is_shown(context: bpy.types.Context, layer: str) -> bool:
     """Return whether a layer of the link's overlay is drawn in this view, so that its handles are needed."""
     space = context.space_data
-    if why_no_link(context) or not space.overlay.show_overlays or not context.object.visible_get(viewport=space):
+    if why_not(context.object) or not space.overlay.show_overlays or not context.object.visible_get(viewport=space):
         return False
     plan = context.object.skin_calib
     return plan.show_overlay and layer in plan.layers
@@ -191,13 +191,3 @@ def basis_at(context: bpy.types.Context, point: Vector, direction: Vector) -> Ma
     return (
         link_frame(context.object) @ Matrix.Translation(point) @ direction.to_track_quat("Z", "Y").to_matrix().to_4x4()
     )
-
-
-def register() -> None:
-    """Add the handles."""
-    bpy.utils.register_class(SKIN_GGT_planes)
-
-
-def unregister() -> None:
-    """Remove the handles."""
-    bpy.utils.unregister_class(SKIN_GGT_planes)

@@ -4,16 +4,15 @@
 from typing import Any
 
 import bpy
-import numpy as np
 from mathutils import Matrix, Vector
 from mathutils.geometry import intersect_line_plane
 
 from ..overlay import drawing
 from ..scene.link_meshes import link_frame
+from ..scene.points_on_link import point_and_normal_under, ray_under
 from ..scene.skins import fix_pose, point_of, put_point, root_row
 from ..scene.units import metres_per_unit
 from .plane_handles import basis_at, end_drag, is_shown, undo_drags
-from .view import point_and_normal_under, ray_under
 
 COLOURS = {
     "origin": (1.0, 0.85, 0.2),
@@ -22,70 +21,35 @@ COLOURS = {
     "zone": (1.0, 0.35, 0.2),
 }
 # Sizes of the handles, in units of the handle size of Blender's preferences. Larger: larger handles.
-BALL_RADIUS = 0.09
-BALL_SIDES = 12  # of balls, stems and tips. Larger: rounder and slower
-ARROW_LENGTH = 1.0
-ARROW_TIP = 0.3  # length of the tip
+BOX, ARROW = Matrix.Scale(0.08, 4), Matrix.Translation((0, 0, 0.2)) @ Matrix.Scale(0.8, 4)  # the arrow starts above
 
 Target = tuple[str, int, int]  # kind, index of the skin, index of its landmark or zone
 
 
-def ball() -> list[Vector]:
-    """Return the triangles of a ball."""
-    turns, rises = np.linspace(0, 2 * np.pi, BALL_SIDES + 1), np.linspace(-np.pi / 2, np.pi / 2, BALL_SIDES // 2 + 1)
-    rings = [
-        [BALL_RADIUS * Vector((np.cos(rise) * np.cos(a), np.cos(rise) * np.sin(a), np.sin(rise))) for a in turns]
-        for rise in rises
-    ]
-    quads = [(*low, *high) for one, other in zip(rings, rings[1:]) for low, high in zip(pairs(one), pairs(other))]
-    return [corner for a, b, d, c in quads for corner in (a, b, c, a, c, d)]
-
-
-def pairs(ring: list[Vector]) -> list[tuple[Vector, Vector]]:
-    """Return each point with the next one."""
-    return list(zip(ring, ring[1:]))
-
-
-def arrow() -> list[Vector]:
-    """Return the triangles of an arrow along z; it starts outside the ball."""
-    found = []
-    for radius, low, high in (
-        (0.025, 2 * BALL_RADIUS, ARROW_LENGTH - ARROW_TIP),
-        (0.09, ARROW_LENGTH - ARROW_TIP, ARROW_LENGTH),
-    ):
-        turns = np.linspace(0, 2 * np.pi, BALL_SIDES + 1)
-        foot = [Vector((radius * np.cos(a), radius * np.sin(a), low)) for a in turns]
-        for a, b in pairs(foot):
-            found += [a, b, Vector((0, 0, high))]
-            if high < ARROW_LENGTH:  # a stem
-                rise = Vector((0, 0, high - low))
-                found[-1:] = [a + rise, b, b + rise, a + rise]
-    return found
-
-
 class SKIN_GT_spot(bpy.types.Gizmo):
-    """A ball or an arrow that follows the mouse over the link."""
+    """A box or an arrow that follows the mouse over the link."""
 
     bl_idname = "SKIN_GT_spot"
 
-    __slots__ = ("before", "has_moved", "normal", "shape", "target")
+    __slots__ = ("before", "has_moved", "normal", "target")
 
     def setup(self) -> None:
-        self.target, self.shape = None, None
+        self.target = None
 
     def aim(self, target: Target) -> None:
         """Set what the handle moves."""
-        if self.target is None or (self.target[0] == "direction") != (target[0] == "direction"):
-            self.shape = self.new_custom_shape("TRIS", arrow() if target[0] == "direction" else ball())
         self.target = target
-        self.color, self.color_highlight = COLOURS[target[0]], (1.0, 1.0, 1.0)
-        self.alpha = self.alpha_highlight = 0.9
+        self.color = (1.0, 1.0, 1.0) if self.is_highlight else COLOURS[target[0]]
+        self.alpha = 0.9
 
-    def draw(self, _context):
-        self.draw_custom_shape(self.shape)
+    def draw(self, context):
+        self.draw_select(context, -1)
 
     def draw_select(self, _context, select_id):
-        self.draw_custom_shape(self.shape, select_id=select_id)
+        if self.target[0] == "direction":
+            self.draw_preset_arrow(self.matrix_world @ ARROW, select_id=select_id)
+        else:
+            self.draw_preset_box(self.matrix_world @ BOX, select_id=select_id)
 
     def invoke(self, context, _event):
         plan, (what, skin, index) = context.object.skin_calib, self.target
@@ -226,18 +190,3 @@ def basis_of(context: bpy.types.Context, target: Target) -> Matrix | None:
     normal, tangent = Vector(taxels.normals_link[i]), Vector(taxels.tangents_link[i])
     turn = Matrix((normal, tangent.cross(normal), tangent)).transposed()
     return link_frame(context.object) @ Matrix.Translation(Vector(taxels.positions_link[i]) / metre) @ turn.to_4x4()
-
-
-CLASSES = (SKIN_GT_spot, SKIN_GGT_skins)
-
-
-def register() -> None:
-    """Add the handles."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    """Remove the handles."""
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)

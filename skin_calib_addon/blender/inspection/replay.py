@@ -18,11 +18,10 @@ from ...common.arrays import Array
 from ...common.errors import counted
 from ...inspection.replaying import Replay
 from ...runtime import Frame
-from .. import events
 from ..overlay import drawing
 from ..overlay.layers import Layer, heat_layer, replay_lines
 from ..overlay.scales import Legend
-from ..session import Playing, session
+from ..session import Playing, session, wake
 from .taxels import result_of
 
 # Stored recordings. Larger: more memory; smaller: undo does not show older ones again.
@@ -136,7 +135,7 @@ def play(link: bpy.types.Object) -> None:
         return
     _begin(link, 0 if frame == len(replay) - 1 else frame)
     show(link)
-    events.wake(tick)
+    wake(tick)
 
 
 def _begin(link: bpy.types.Object, frame: int) -> None:
@@ -197,14 +196,9 @@ def _opened(*_: Any) -> None:
 
 
 HANDLERS = {"undo_post": _undone, "redo_post": _undone, "load_post": _opened}
-
-
-def register() -> None:
-    """Listen to undo and files."""
-    events.listen(HANDLERS)
+TIMERS = (tick,)
 
 
 def unregister() -> None:
-    """Stop listening and playback."""
-    events.ignore(HANDLERS, (tick,))
+    """Remove all recordings."""
     _opened()

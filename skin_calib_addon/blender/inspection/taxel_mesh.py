@@ -16,7 +16,6 @@ from mathutils import Matrix
 from ...common.arrays import Array
 from ...geometry.mesh.distance import closest
 from ...pipeline import Calibrated
-from .. import events
 from ..scene.link_meshes import link_frame
 from ..scene.units import metres_per_unit
 from . import replay
@@ -117,13 +116,3 @@ def follow_timeline(scene: bpy.types.Scene, _depsgraph: Any = None) -> None:
 
 
 HANDLERS = {"frame_change_pre": follow_timeline}
-
-
-def register() -> None:
-    """Listen to the timeline."""
-    events.listen(HANDLERS)
-
-
-def unregister() -> None:
-    """Stop listening."""
-    events.ignore(HANDLERS, ())

@@ -59,73 +59,62 @@ def hidden_surface(warning: Warning, plan: Any) -> int | None:
     return None if index == shown_index(plan) else index
 
 
+def _sets(path: str, value: Any, where: Callable[["Subject"], bool]) -> Callable[..., Properties]:
+    """Return what sets a property of the plan to a value, where that applies."""
+    return lambda _warning, on, _metre: (
+        {"data_path": f"object.skin_calib.{path}", "value": value} if where(on) else None
+    )
+
+
 def _cut(warning: Warning, _on: Subject, metre: float) -> Properties:
     """Return the point of a cut at the place of a warning."""
     return {"point": [x / metre for x in warning.where.point]} if warning.where.point else None
 
 
-def _sector(_warning: Warning, on: Subject, _metre: float) -> Properties:
+def _sector(warning: Warning, on: Subject, metre: float) -> Properties:
     """Return what makes the grid of a tube that of a sector."""
-    if "tube" not in (on.kind, on.kind == "auto" and on.region):
-        return None
-    return {"data_path": f"object.skin_calib.grid.{'region' if on.kind == 'auto' else 'kind'}", "value": "sector"}
-
-
-def _seen(_warning: Warning, on: Subject, _metre: float) -> Properties:
-    """Return what keeps only faces that are seen from outside."""
-    return None if on.shell == "seen" else {"data_path": "object.skin_calib.cover.shell", "value": "seen"}
-
-
-def _outer(_warning: Warning, on: Subject, _metre: float) -> Properties:
-    """Return what keeps only the outer shell."""
-    return {"data_path": "object.skin_calib.cover.shell", "value": "outer"} if on.shell == "all" else None
-
-
-def _facets(_warning: Warning, _on: Subject, _metre: float) -> Properties:
-    """Return what removes the option of chords."""
-    return {"data_path": "object.skin_calib.chords", "value": False}
+    name = "region" if on.kind == "auto" else "kind"
+    return _sets(f"grid.{name}", "sector", lambda on: getattr(on, name) == "tube")(warning, on, metre)
 
 
 def _tolerance(warning: Warning, on: Subject, metre: float) -> Properties:
     """Return what sets the tolerance to the best achievable error."""
-    if not warning.value or on.kind != "auto":
-        return None
-    return {"data_path": "object.skin_calib.grid.tolerance", "value": warning.value / metre}
+    best = (warning.value or 0.0) / metre
+    return _sets("grid.tolerance", best, lambda on: best > 0 and on.kind == "auto")(warning, on, metre)
 
 
 def _margin(_warning: Warning, on: Subject, _metre: float) -> Properties:
-    """Return the wider margin of a tube, sector or face."""
+    """Return that a tube, sector or face has a margin and an axis."""
     return None if on.kind == "planes" else {}
 
 
-def _skin_of(warning: Warning, on: Subject) -> tuple[int, Any] | None:
-    """Return the index of the skin of a warning, and the skin; None without one."""
-    return next(((i, skin) for i, skin in enumerate(on.skins) if skin.name == warning.where.skin), None)
+def _skin_of(warning: Warning, on: Subject, kind: str) -> tuple[int, Any] | None:
+    """Return the index of the skin of a warning, and the skin; None without one of this kind."""
+    found = ((i, skin) for i, skin in enumerate(on.skins) if skin.name == warning.where.skin)
+    return next((pair for pair in found if pair[1].kind == kind), None)
 
 
 def _fewer(warning: Warning, on: Subject, metre: float) -> Properties:
     """Return what removes the columns, or rows, that overlap."""
-    found = _skin_of(warning, on)
-    if found is None or found[1].kind != "sheet" or not warning.value:
+    found = _skin_of(warning, on, "sheet")
+    if found is None or not warning.value:
         return None
     i, skin = found
     name, pitch = ("columns", skin.pitch[1]) if warning.where.names.startswith("row") else ("rows", skin.pitch[0])
     count = getattr(skin, name) - ceil(warning.value / (pitch * metre))
-    return {"data_path": f"object.skin_calib.skins[{i}].{name}", "value": count} if count >= 1 else None
+    return _sets(f"skins[{i}].{name}", count, lambda on: count >= 1)(warning, on, metre)
 
 
-def _trim(warning: Warning, on: Subject, _metre: float) -> Properties:
+def _trim(warning: Warning, on: Subject, metre: float) -> Properties:
     """Return what leaves out the cells of a sheet that are off the surface."""
-    found = _skin_of(warning, on)
-    if found is None or found[1].kind != "sheet" or found[1].trim:
-        return None
-    return {"data_path": f"object.skin_calib.skins[{found[0]}].trim", "value": True}
+    i, skin = _skin_of(warning, on, "sheet") or (0, None)
+    return _sets(f"skins[{i}].trim", True, lambda on: skin is not None and not skin.trim)(warning, on, metre)
 
 
 def _paint(warning: Warning, on: Subject, _metre: float) -> Properties:
     """Return the boards to be painted."""
-    found = _skin_of(warning, on)
-    return {"skin": found[0]} if found and found[1].kind == "hexagons" else None
+    found = _skin_of(warning, on, "hexagons")
+    return {"skin": found[0]} if found else None
 
 
 def _across(warning: Warning, _on: Subject, _metre: float) -> Properties:
@@ -141,7 +130,9 @@ def _propose(warning: Warning, on: Subject, _metre: float) -> Properties:
 CUT = Action("skin_calib.cut_add", "Cut Here", _cut, "cut")
 SECTOR = Action("wm.context_set_enum", "Use a Sector", _sector, "sector")
 MARGIN = Action("skin_calib.margin_widen", "Widen the Margin", _margin, "margin")
-SEEN = Action("wm.context_set_enum", "Keep What Is Seen", _seen, "seen")
+SEEN = Action(
+    "wm.context_set_enum", "Keep What Is Seen", _sets("cover.shell", "seen", lambda on: on.shell != "seen"), "seen"
+)
 PROPOSE = Action("skin_calib.propose", "Propose", _propose)
 AXIS = Action("skin_calib.axis_from_sections", "Pick the Axis", _margin)
 HOLES = Action("skin_calib.show_defects", "Select Holes", lambda *_: {})
@@ -149,9 +140,9 @@ TRIM = Action("wm.context_set_boolean", "Trim the Sheet", _trim)
 PAINT = Action("skin_calib.boards_paint", "Paint Boards", _paint)
 ACROSS = Action("skin_calib.grid_across", "Use Across", _across)
 
-# By the code of a warning, or the class of an error: the actions, the first that applies is offered; or why there is
-# none. docs/troubleshooting.md explains the codes.
-ACTIONS: dict[str, tuple[Action, ...] | str] = {
+# By the code of a warning, or the class of an error: the actions, of which the first that applies is offered.
+# Others have none: only the author can decide, or nothing is to be done. docs/troubleshooting.md explains the codes.
+ACTIONS: dict[str, tuple[Action, ...]] = {
     "outdated-proposal": (Action("skin_calib.propose", "Propose Again", lambda *_: {}),),
     "off-mesh": (CUT, SEEN, SECTOR, PROPOSE),
     "folded": (SECTOR, CUT, PROPOSE),
@@ -160,40 +151,20 @@ ACTIONS: dict[str, tuple[Action, ...] | str] = {
     "dropped-curves": (SEEN,),
     "not-converged": (AXIS,),
     "undercut": (CUT, SECTOR),
-    "chords-refused": (Action("wm.context_set_boolean", "Follow the Facets", _facets),),
-    "outlier-vertices": "the fit leaves these vertices out already",
-    "short-surface": "only the author knows whether the open part carries skin",
-    "planes-nearly-parallel": "only the author knows which plane is right; both have handles",
+    "chords-refused": (Action("wm.context_set_boolean", "Follow the Facets", _sets("chords", False, lambda on: True)),),
     "overlap": (Action("wm.context_set_int", "Fewer Cells", _fewer),),
     "over-hole": (TRIM,),
     "board-gap": (PAINT,),
     "board-overhang": (PAINT,),
-    "empty-group": "only the author knows which faces belong to it, or whether another group was meant",
-    "oblique": "where the skin goes instead is a decision of the author; it has a handle",
-    "strain": "where the sheet goes instead is a decision of the author; it has a handle",
-    "skins-overlap": "which of the two skins moves is a decision of the author; both have handles",
-    "no-uncertainty": "it follows from strain or a fold, which have their own warnings",
     "EmptySection": (SECTOR, MARGIN, PROPOSE),
     "OutsideSurface": (TRIM,),
     "UnreachableTolerance": (Action("wm.context_set_float", "Allow This Error", _tolerance),),
-    "UnderdeterminedFit": "the message has the number that is needed",
     "InvalidPlan": (ACROSS,),  # of a thin sheet; otherwise the message names the field that is wrong
-    "InvalidMesh": "the mesh is edited in Edit Mode, or read again",
-    "parts": (Action("wm.context_set_enum", "Keep Outer Shell", _outer),),
+    "parts": (
+        Action("wm.context_set_enum", "Keep Outer Shell", _sets("cover.shell", "outer", lambda on: on.shell == "all")),
+    ),
     "holes": (HOLES,),
     "branching-edges": (Action("skin_calib.show_defects", "Select Edges", lambda *_: {}),),
-    "flipped-faces": "Shift-N in Edit Mode mends the normals, and only the author knows whether all are wrong",
-    "inward-part": "Shift-N in Edit Mode mends the normals, and only the author knows whether all are wrong",
-    "one-sided-part": "where it is cut open is a decision of the author",
-    "back-to-back": "which side goes is a decision of the author",
-    "mesh-size": "it is information",
-    "dropped-faces": "it is information",
-    "flat-faces": "it is information",
-    "fit": "it is information",
-    "channel-order": "the plan has the order of the channels, the robot the wires",
-    "wrong-taxel": "the plan has the order of the channels, the robot the wires",
-    "grazing-touch": "the touch is left out already",
-    "touch-height": "the frame of the touches, or the offset of the skin, is wrong, and only the author knows which",
 }
 
 
@@ -201,9 +172,8 @@ def offered(warning: Warning, plan: Any, metre: float) -> Iterator[tuple[Action,
     """Yield the actions that apply to a warning now, each with the properties of its operator."""
     if warning.where.surface not in ("", *surface_names(plan)):
         return  # renamed or removed after the fit
-    actions = ACTIONS.get(warning.code, ())
     on = Subject.of(warning, plan)
-    for action in actions if isinstance(actions, tuple) else ():
+    for action in ACTIONS.get(warning.code, ()):
         properties = action.properties(warning, on, metre)
         if properties is not None and _trial(plan.id_data, warning, action) not in session.of(plan.id_data).in_vain:
             yield action, properties

@@ -18,13 +18,12 @@ from bpy.app.handlers import persistent
 from ...common.errors import InvalidMesh, SkinCalibError, counted
 from ...common.warnings import Warning
 from ...geometry.mesh.defects import Diagnosis, diagnose
-from .. import events
 from ..overlay import drawing
 from ..scene import link_meshes, link_objects, plans, results
 from ..scene.face_groups import empty_groups
 from ..scene.units import metres_per_unit
 from ..scene.warnings import refusal_of, write_warnings
-from ..session import session
+from ..session import SCENE_REPLACED, session, wake
 from . import updates
 from .background import Work
 
@@ -152,7 +151,7 @@ def touched(link: bpy.types.Object) -> None:
         state.is_unverified = True
     state.hashing, state.touched_at = None, perf_counter()
     if not bpy.app.background:  # without a window timers do not run, but the exit waits for them
-        events.wake(verify, CHECK_DELAY)
+        wake(verify, CHECK_DELAY)
 
 
 def _evaluated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Iterator[bpy.types.Object]:
@@ -194,17 +193,8 @@ def _scene_replaced(*_: Any) -> None:
         touched(link)
 
 
-HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced) | {
+HANDLERS = dict.fromkeys(SCENE_REPLACED, _scene_replaced) | {
     "depsgraph_update_post": _updated,
     "frame_change_post": _frame_changed,
 }
-
-
-def register() -> None:
-    """Listen to changes."""
-    events.listen(HANDLERS)
-
-
-def unregister() -> None:
-    """Stop listening."""
-    events.ignore(HANDLERS, (verify,))
+TIMERS = (verify,)

@@ -54,13 +54,13 @@ class PreviewReport:
 
 @dataclass(eq=False)
 class StepCache:
-    """The results of the steps of a link's last preview, with their inputs."""
+    """The results of the steps of a link's last preview, with their inputs: meshes and fits compare by identity."""
 
     steps: dict[str, tuple[Any, Any]] = field(default_factory=dict)
 
-    def step(self, name: str, given: Any, same: Callable[[Any, Any], bool], make: Callable[[], Any]) -> Any:
+    def step(self, name: str, given: Any, make: Callable[[], Any]) -> Any:
         """Return the result of a step: the last one if its input is the same, else a new one."""
-        if name not in self.steps or not same(given, self.steps[name][0]):
+        if name not in self.steps or given != self.steps[name][0]:
             self.steps[name] = given, make()
         return self.steps[name][1]
 
@@ -93,11 +93,11 @@ class PreviewInput:
 
 def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     """Sketch the planes; if there is a plan, fit the surface and place the skins, without exact errors."""
-    mesh = cache.step("mesh", given.facets, Facets.is_same, given.facets.mesh)
+    mesh = cache.step("mesh", given.facets, given.facets.mesh)
     plan = given.plan
     moving = {surface.name for surface in plan.surfaces if _cuts_move(cache, mesh, surface)} if plan else set()
     drawn = mesh, given.planes, bool(moving)
-    sketch = cache.step("sketch", drawn, _same_planes, lambda: sketch_of(*drawn))
+    sketch = cache.step("sketch", drawn, lambda: sketch_of(*drawn))
     if plan is None:
         return Preview(sketch, report=PreviewReport(refusal=given.refusal) if given.refusal else None)
     given_skins, plan = plan.skins, replace(plan, skins=placed_at_once(plan.skins))
@@ -109,7 +109,7 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     def placed_on(coarse: bool, moving: set[str]) -> tuple[dict[str, SurfaceFit], tuple[PlacedSkin, ...], bool]:
         found = {s.name: _fit(cache, mesh, plan, s, coarse, s.name in moving) for s in plan.surfaces}
         fits = {name: fit for name, (fit, _) in found.items()}
-        placed = cache.step("placed", (fits, (skins, judged)), _same_fits, lambda: place_all(plan, fits, draft))
+        placed = cache.step("placed", (fits, skins, judged), lambda: place_all(plan, fits, draft))
         return fits, placed, coarse or any(moved for _, moved in found.values())
 
     sizes = [surface.grid.size for surface in plan.surfaces if isinstance(surface.grid, Grid)]
@@ -176,28 +176,12 @@ def _fit(
     def fitted() -> SurfaceFit:
         if not is_moved:
             given = mesh, surface.cover
-            cover = cache.step(f"cover {surface.name}", given, _equal, lambda: cut_cover(*given))
+            cover = cache.step(f"cover {surface.name}", given, lambda: cut_cover(*given))
             return fit_grid(cover, *settings)
         cover = coarse_cover(mesh, surface.cover)
         lines = surface.grid.moved_lines(before.lines, without_outliers(cover)[0])
         return fit_surface(cover, lines, *settings[1:], before.offsets)
 
     with naming_surface(plan, surface.name):
-        fit: SurfaceFit = cache.step(step, (mesh, surface.cover, *settings, is_moved), _equal, fitted)
+        fit: SurfaceFit = cache.step(step, (mesh, surface.cover, *settings, is_moved), fitted)
     return fit, is_moved
-
-
-def _same_fits(given: tuple[Any, Any], before: tuple[Any, Any]) -> bool:
-    """Return whether fits (by identity) and skins are the same."""
-    fits, kept = given[0], before[0]
-    return fits.keys() == kept.keys() and all(fits[k] is kept[k] for k in fits) and given[1] == before[1]
-
-
-def _equal(given: tuple[Any, ...], before: tuple[Any, ...]) -> bool:
-    """Return whether mesh (by identity) and parameters are the same."""
-    return given[0] is before[0] and given[1:] == before[1:]
-
-
-def _same_planes(given: tuple[Any, HandPlanes, bool], before: tuple[Any, HandPlanes, bool]) -> bool:
-    """Return whether mesh (by identity) and planes are the same, and their sketch as exact."""
-    return given[0] is before[0] and given[1].is_same(before[1]) and given[2] == before[2]

@@ -45,7 +45,7 @@ def sketch_of(mesh: TriangleMesh, planes: HandPlanes, coarse: bool = False) -> S
     if not planes.are_there:
         return sketch
     for family in FAMILIES:
-        for i in np.flatnonzero(~planes.normals[family].any(axis=1)):
+        for i in np.flatnonzero(~planes.normals(family).any(axis=1)):
             sketch.wrong[family, int(i)] = "has a normal of length zero"
     cover = _cut(sketch, mesh, planes, coarse)
     for family in ("U", "V"):
@@ -56,10 +56,10 @@ def sketch_of(mesh: TriangleMesh, planes: HandPlanes, coarse: bool = False) -> S
 
 def _check_order(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> None:
     """Find the first plane that is not beyond the plane before it, as a fit with the planes that cut the mesh does."""
-    rows = {family: [i for i in range(len(planes.points[family])) if (family, i) in sketch.arms] for family in "UV"}
+    rows = {family: [i for i in range(len(planes.points(family))) if (family, i) in sketch.arms] for family in "UV"}
     if not all(rows.values()):
         return
-    u, v = (Planes(planes.points[family][rows[family]], planes.normals[family][rows[family]]) for family in "UV")
+    u, v = (Planes(planes.points(family)[rows[family]], planes.normals(family)[rows[family]]) for family in "UV")
     try:
         PlanesGrid(u, v, planes.closed).line_grid(mesh)
     except InvalidPlan as error:
@@ -71,15 +71,15 @@ def _check_order(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> None
 
 def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes, coarse: bool) -> TriangleMesh:
     """Draw the removed parts; return the mesh without them, or the mesh itself if no other planes need it."""
-    valid = [i for i in range(len(planes.points["CUT"])) if ("CUT", i) not in sketch.wrong]
-    cuts = [Cut(_triple(planes.points["CUT"][i]), _triple(unit(planes.normals["CUT"][i]))) for i in valid]
+    valid = [i for i in range(len(planes.points("CUT"))) if ("CUT", i) not in sketch.wrong]
+    cuts = [Cut(_triple(planes.points("CUT")[i]), _triple(unit(planes.normals("CUT")[i]))) for i in valid]
     removed, complete = _removed(mesh, CoverSpec(planes.shell, tuple(cuts)), coarse)
     _draw(sketch, "CUT", _seen(mesh, planes.shell), planes, "removes nothing")
     for k in complete:
         sketch.wrong["CUT", valid[k]] = "removes the complete mesh. Flip its normal"
     if len(removed):
         sketch.layers.append(Layer("PLANES", removed, np.tile(np.float32(REMOVED), (len(removed), 1))))
-    if not len(planes.points["U"]) and not len(planes.points["V"]):
+    if not len(planes.points("U")) and not len(planes.points("V")):
         return mesh
     left = tuple(cut for k, cut in enumerate(cuts) if k not in complete)
     return cut_cover(_seen(mesh, planes.shell), CoverSpec("outer" if planes.shell == "outer" else "all", left))
@@ -149,7 +149,7 @@ def _known_sections(mesh: TriangleMesh) -> dict[tuple[float, ...], Array]:
 
 def _draw(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPlanes, missing: str) -> None:
     """Draw the sections of a family of planes, and a square for each plane without a section."""
-    points, normals = planes.points[family], unit(planes.normals[family])
+    points, normals = planes.points(family), unit(planes.normals(family))
     valid = [i for i in range(len(points)) if (family, i) not in sketch.wrong]
     if not valid:
         return

@@ -19,7 +19,6 @@ from bpy.app.handlers import persistent
 from ...common.errors import SkinCalibError
 from ...common.warnings import Warning
 from ...plan import Plan, plan_document
-from .. import events
 from ..inspection.taxels import read_again
 from ..overlay import drawing
 from ..scene import link_meshes, link_objects, plans, results
@@ -27,7 +26,7 @@ from ..scene.face_groups import groups_of
 from ..scene.facets import Facets
 from ..scene.plane_lists import read_hand_planes
 from ..scene.warnings import refusal_of
-from ..session import Busy, Input, Job, LinkState, session
+from ..session import SCENE_REPLACED, Busy, Input, Job, LinkState, session, wake
 from .background import Work
 from .preview import Preview, PreviewInput, PreviewReport, compute_preview
 from .sketch import Sketch, sketch_of
@@ -45,7 +44,7 @@ def request(link: bpy.types.Object) -> None:
     """Request an update, because a plan or its mesh has changed."""
     session.stop_fit(link.session_uid)
     session.of(link).change()
-    events.wake(tick)
+    wake(tick)
 
 
 def hold(uid: int | None, name: str) -> None:
@@ -106,7 +105,7 @@ def touched(link: bpy.types.Object) -> None:
     state = session.states.get(link.session_uid)
     if state is not None and state.facets is not None:
         state.is_touched = True
-        events.wake(tick)
+        wake(tick)
 
 
 def tick() -> float | None:
@@ -331,14 +330,5 @@ def _scene_replaced(*_: Any) -> None:
             session.of(link).is_followed_once = _was_accompanied(link)
 
 
-HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced)
-
-
-def register() -> None:
-    """Listen to undo, redo and files; :mod:`.diagnoses` listens to changes of meshes."""
-    events.listen(HANDLERS)
-
-
-def unregister() -> None:
-    """Stop listening."""
-    events.ignore(HANDLERS, (tick,))
+HANDLERS = dict.fromkeys(SCENE_REPLACED, _scene_replaced)
+TIMERS = (tick,)

@@ -135,7 +135,7 @@ def _write() -> None:
             name += ": last fit, before the change"
         for layer in layers:
             if isinstance(layer, Labels):
-                labels.write(link.session_uid, layer, settings, link_frame(link) @ unit)
+                labels.write(layer, settings, link_frame(link) @ unit)
             if layer.legend:
                 area.draw(layer.legend, name)
 
@@ -212,5 +212,3 @@ def unregister() -> None:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
     _prepared.clear()
     _cached.clear()
-    labels.forget()
-    legend.forget()

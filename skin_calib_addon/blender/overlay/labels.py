@@ -18,56 +18,27 @@ MIN_FACING = 0.2
 LABEL_SPACING = (1.1, 1.3)
 # Larger: slower redraw; smaller: labels are missing in large views.
 MAX_LABELS = 1500
-# Pairs of views and objects whose labels are stored. Larger: more memory; smaller: computed again in each redraw.
-MAX_CACHED_LABELS = 32
 MAX_COLUMNS = 2**20  # Derived: more than the cells in a row of any region
-_stored: dict[Any, tuple[Any, list[tuple[str, float, float]]]] = {}
 
 
-def write(uid: int, layer: Labels, settings: Any, frame: Any) -> None:
+def write(layer: Labels, settings: Any, frame: Any) -> None:
     """Write the labels of an object's taxels in the region that Blender draws now."""
     context = bpy.context
-    region, view = context.region, context.region_data
+    region = context.region
     texts = layer.ids if settings.labels == "ID" else layer.channels
     text_size = settings.text_size * preferences().text_size * context.preferences.system.ui_scale
     blf.size(0, text_size)
-    state = (
-        layer,
-        settings.labels,
-        text_size,
-        region.width,
-        region.height,
-        _flat(view.perspective_matrix),
-        _flat(frame),
-    )
-    where = (region.as_pointer(), uid)
-    if _stored.get(where, (None,))[0] != state:
-        if len(_stored) > MAX_CACHED_LABELS:
-            forget()
-        widest = blf.dimensions(0, max(texts, key=len, default=""))[0]
-        size = np.array((widest * LABEL_SPACING[0], text_size * LABEL_SPACING[1]))
-        pixels, eligible = on_screen(layer, frame, view, (region.width, region.height))
-        rows = without_overlap(pixels, layer.order[eligible[layer.order]], size)
-        _stored[where] = (state, [_centred(texts[row], pixels[row], text_size) for row in rows])
-    _write(_stored[where][1])
-
-
-def _write(names: list[tuple[str, float, float]]) -> None:
+    widest = blf.dimensions(0, max(texts, key=len, default=""))[0]
+    size = np.array((widest * LABEL_SPACING[0], text_size * LABEL_SPACING[1]))
+    pixels, eligible = on_screen(layer, frame, context.region_data, (region.width, region.height))
     blf.color(0, 1.0, 1.0, 1.0, 1.0)
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 3, 0.0, 0.0, 0.0, 0.9)
-    for text, x, y in names:
-        blf.position(0, x, y, 0)
-        blf.draw(0, text)
+    for row in without_overlap(pixels, layer.order[eligible[layer.order]], size):
+        x, y = pixels[row].tolist()
+        blf.position(0, x - blf.dimensions(0, texts[row])[0] / 2, y - text_size / 3, 0)
+        blf.draw(0, texts[row])
     blf.disable(0, blf.SHADOW)
-
-
-def _centred(text: str, pixel: np.ndarray, text_size: float) -> tuple[str, float, float]:
-    return text, float(pixel[0]) - blf.dimensions(0, text)[0] / 2, float(pixel[1]) - text_size / 3
-
-
-def _flat(matrix: Any) -> tuple[float, ...]:
-    return tuple(x for row in matrix for x in row)
 
 
 def on_screen(layer: Labels, frame: Any, view: Any, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -105,8 +76,3 @@ def without_overlap(pixels: np.ndarray, rows: Iterable[int], size: np.ndarray) -
             taken[i, j] = x, y
             kept.append(row)
     return kept
-
-
-def forget() -> None:
-    """Remove the stored labels."""
-    _stored.clear()

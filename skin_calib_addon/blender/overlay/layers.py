@@ -171,7 +171,8 @@ def inside(fit: Any, ends: np.ndarray) -> np.ndarray:
 
 def _net(fit: Any) -> np.ndarray:
     """Return the lines between the control points."""
-    return np.concatenate(_crossing(fit.surface.control_net))
+    net = fit.surface.control_net
+    return np.concatenate((_segments(net), _segments(net.transpose(1, 0, 2))))
 
 
 def _error(fits: Sequence[Any], is_preview: bool) -> Layer:
@@ -445,11 +446,6 @@ def _cross(position: np.ndarray, normal: np.ndarray, size: float) -> np.ndarray:
 
 def _closed(corners: np.ndarray) -> np.ndarray:
     return np.concatenate((corners, corners[:, :1]), axis=1)
-
-
-def _crossing(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return segments along both directions of a lattice of points (n, m, 3)."""
-    return _segments(grid), _segments(grid.transpose(1, 0, 2))
 
 
 def _segments(polylines: np.ndarray) -> np.ndarray:

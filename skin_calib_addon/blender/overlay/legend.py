@@ -21,7 +21,6 @@ TEXT_COLOUR = (1.0, 1.0, 1.0, 1.0)
 BACKGROUND = (0.05, 0.05, 0.05, 0.6)
 TICKS = 3  # numbers under a colour bar. Larger: wider bars
 TICK_GAP = 8  # between two numbers
-_batches: dict[Any, Any] = {}
 
 
 class LegendArea:
@@ -31,7 +30,7 @@ class LegendArea:
     """
 
     def __init__(self, context: Any):
-        self.context = context
+        self.units = context.scene.unit_settings
         self.pixel = context.preferences.system.ui_scale
         right, top = _covered(context)
         self.left, self.low = MARGIN * self.pixel + right, MARGIN * self.pixel + top
@@ -39,7 +38,7 @@ class LegendArea:
     def draw(self, legend: Legend, link: str) -> None:
         """Draw a legend, and move to the right of it."""
         height = 3 * LINE_HEIGHT + BAR_SIZE[1] + (LINE_HEIGHT if legend.note else 0)
-        numbers, unit = written(np.linspace(legend.minimum, legend.maximum, TICKS).tolist(), legend.kind, _units(self))
+        numbers, unit = written(np.linspace(legend.minimum, legend.maximum, TICKS).tolist(), legend.kind, self.units)
         if legend.exceeded:
             numbers[-1] = f"≥ {numbers[-1]}"
         has_scale = legend.maximum > 0
@@ -73,14 +72,12 @@ class LegendArea:
 
     def _fill(self, corner: tuple[float, float], size: tuple[float, float], what: Any) -> None:
         shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-        if what not in _batches:
-            _batches[what] = _strip(shader, what)
         gpu.state.blend_set("ALPHA")
         with gpu.matrix.push_pop():
             x, y = self.left + corner[0] * self.pixel, self.low + corner[1] * self.pixel
             gpu.matrix.multiply_matrix(Matrix.Translation((x, y, 0)))
             gpu.matrix.multiply_matrix(Matrix.Diagonal((size[0] * self.pixel, size[1] * self.pixel, 1, 1)))
-            _batches[what].draw(shader)
+            _strip(shader, what).draw(shader)
         gpu.state.blend_set("NONE")
 
 
@@ -97,10 +94,6 @@ def _strip(shader: Any, what: Any) -> Any:
     return batch_for_shader(shader, "TRI_STRIP", {"pos": points, "color": colours})
 
 
-def _units(area: LegendArea) -> Any:
-    return area.context.scene.unit_settings
-
-
 def _covered(context: Any) -> tuple[float, float]:
     """Return the width that the tools cover at the left, and the height of the panel of the last operator below.
 
@@ -113,8 +106,3 @@ def _covered(context: Any) -> tuple[float, float]:
     right = max((r.x + r.width - view.x for r in open_ if r.type == "TOOLS"), default=0)
     top = max((r.y + r.height - view.y for r in open_ if r.type == "HUD"), default=0)
     return max(float(right), 0.0), max(float(top), 0.0)
-
-
-def forget() -> None:
-    """Remove the batches."""
-    _batches.clear()

@@ -2,27 +2,14 @@
 """How the fitted skin is inspected, as properties; they are not part of the plan."""
 
 import bpy
-from bpy.props import (
-    BoolProperty,
-    CollectionProperty,
-    EnumProperty,
-    FloatProperty,
-    FloatVectorProperty,
-    IntProperty,
-    IntVectorProperty,
-    PointerProperty,
-    StringProperty,
-)
+from bpy.props import FloatProperty, IntProperty, IntVectorProperty, PointerProperty
 
 from ...common.errors import SkinCalibError
 from ..inspection import replay, taxels
 from ..live.advice import mark_of, shown_warnings
 from .millimetres import with_millimetres
-from .options import FIXED, LENGTH
+from .options import FIXED, angle, choice, flag, length, many, number, text, vector, whole
 from .warning import SKIN_PG_warning
-
-PERCENT = FIXED | {"precision": 3}
-ANGLE = FIXED | {"subtype": "ANGLE", "precision": 4}
 
 
 def _find(record, context):
@@ -39,63 +26,61 @@ def _find(record, context):
 class SKIN_PG_taxel(bpy.types.PropertyGroup):
     """The values of the selected taxel."""
 
-    wanted: StringProperty(
-        name="Find", description="Id or channel of a taxel, to read its values", **FIXED | {"update": _find}
-    )
-    problem: StringProperty(description="Why the taxel is not found", **FIXED)
-    key: StringProperty(description="Key of the fit that it belongs to", **FIXED)
-    id: StringProperty(name="Id", description="Name of the taxel", **FIXED)
-    disabled: BoolProperty(description="Whether the taxel is not in the calibration", **FIXED)
-    channel: IntProperty(name="Channel", description="Position of the taxel in a reading", **FIXED)
+    wanted: text(name="Find", description="Id or channel of a taxel, to read its values", update=_find)
+    problem: text(description="Why the taxel is not found")
+    key: text(description="Key of the fit that it belongs to")
+    id: text(name="Id", description="Name of the taxel")
+    disabled: flag(description="Whether the taxel is not in the calibration")
+    channel: whole(name="Channel", description="Position of the taxel in a reading")
     index: IntVectorProperty(
         name="Row, Column", description="Row and column on a sheet, axial coordinates of a board", size=2, **FIXED
     )
-    position: FloatVectorProperty(
+    position: vector(
         name="Position",
         description="Centre of the taxel, in the link frame",
-        **FIXED | {"subtype": "TRANSLATION", "unit": "LENGTH", "precision": 5},
+        subtype="TRANSLATION",
+        unit="LENGTH",
+        precision=5,
     )
-    normal: FloatVectorProperty(
-        name="Normal",
-        description="Outward normal of the taxel, in the link frame",
-        **FIXED | {"subtype": "XYZ", "precision": 5},
+    normal: vector(
+        name="Normal", description="Outward normal of the taxel, in the link frame", subtype="XYZ", precision=5
     )
-    area: FloatProperty(name="Area", description="Area of the cell", unit="AREA", precision=5, **FIXED)
-    has_strain: BoolProperty(description="Whether the skin is a sheet, which has strain", **FIXED)
-    strain_along: FloatProperty(name="Strain Along [%]", description="Strain along the row, in percent", **PERCENT)
-    strain_across: FloatProperty(name="Across [%]", description="Strain across the rows, in percent", **PERCENT)
-    shear: FloatProperty(name="Shear", description="Deviation of the angle of the cell from 90 degrees", **ANGLE)
-    has_tilt: BoolProperty(description="Whether the taxel has a neighbour", **FIXED)
-    tilt: FloatProperty(name="Tilt", description="Largest angle to a neighbour", **ANGLE)
-    neighbours: StringProperty(name="Neighbours", description="Ids of the adjacent taxels", **FIXED)
+    area: number(name="Area", description="Area of the cell", unit="AREA", precision=5)
+    has_strain: flag(description="Whether the skin is a sheet, which has strain")
+    strain_along: number(name="Strain Along [%]", description="Strain along the row, in percent", precision=3)
+    strain_across: number(name="Across [%]", description="Strain across the rows, in percent", precision=3)
+    shear: angle(name="Shear", description="Deviation of the angle of the cell from 90 degrees")
+    has_tilt: flag(description="Whether the taxel has a neighbour")
+    tilt: angle(name="Tilt", description="Largest angle to a neighbour")
+    neighbours: text(name="Neighbours", description="Ids of the adjacent taxels")
 
 
 @with_millimetres
 class SKIN_PG_comparison(bpy.types.PropertyGroup):
     """Distances of the taxels from those of a file."""
 
-    file: StringProperty(name="File", description="File of the other taxels", **FIXED)
-    key: StringProperty(description="Key of the fit that was compared", **FIXED)
-    token: StringProperty(description="Name under which its drawing is cached", **FIXED)
-    by: StringProperty(name="Paired", description="How taxels are paired", **FIXED)
-    pairs: IntProperty(name="Pairs", description="Number of pairs", **FIXED)
-    mean: FloatProperty(name="Mean", description="Mean distance of a pair", **LENGTH)
-    max: FloatProperty(name="Max", description="Largest distance of a pair", **LENGTH)
-    has_angles: BoolProperty(description="Whether the file has normals", **FIXED)
-    mean_angle: FloatProperty(name="Mean Angle", description="Mean angle between the normals of a pair", **ANGLE)
-    max_angle: FloatProperty(name="Max", description="Largest angle between the normals of a pair", **ANGLE)
-    worst: StringProperty(name="Worst", description="Taxel with the largest distance", **FIXED)
-    remarks: StringProperty(description="Further remarks, one in a line", **FIXED)
+    file: text(name="File", description="File of the other taxels")
+    key: text(description="Key of the fit that was compared")
+    token: text(description="Name under which its drawing is cached")
+    by: text(name="Paired", description="How taxels are paired")
+    pairs: whole(name="Pairs", description="Number of pairs")
+    mean: length(name="Mean", description="Mean distance of a pair")
+    max: length(name="Max", description="Largest distance of a pair")
+    has_angles: flag(description="Whether the file has normals")
+    mean_angle: angle(name="Mean Angle", description="Mean angle between the normals of a pair")
+    max_angle: angle(name="Max", description="Largest angle between the normals of a pair")
+    worst: text(name="Worst", description="Taxel with the largest distance")
+    remarks: text(description="Further remarks, one in a line")
 
 
 class SKIN_PG_touches(bpy.types.PropertyGroup):
     """Distances of the skin from touches."""
 
-    file: StringProperty(name="File", description="The table of touches", **FIXED)
-    key: StringProperty(description="Key of the fit that was compared", **FIXED)
-    token: StringProperty(description="Name under which its drawing is cached", **FIXED)
-    remarks: StringProperty(description="Results, one in a line", **FIXED)
-    warnings: CollectionProperty(type=SKIN_PG_warning, description="Warnings of the comparison", **FIXED)
+    file: text(name="File", description="The table of touches")
+    key: text(description="Key of the fit that was compared")
+    token: text(description="Name under which its drawing is cached")
+    remarks: text(description="Results, one in a line")
+    warnings: many(type=SKIN_PG_warning, description="Warnings of the comparison")
 
 
 def _progress(record):
@@ -113,10 +98,10 @@ def _set_progress(record, progress):
 class SKIN_PG_replay(bpy.types.PropertyGroup):
     """A recording that is shown over the skin."""
 
-    file: StringProperty(name="File", description="The recording", **FIXED)
-    key: StringProperty(description="Key of the fit that it is shown on", **FIXED)
-    token: StringProperty(description="Name under which it is cached while Blender runs", **FIXED)
-    chosen: IntProperty(description="Frame that is shown while the recording is paused", **FIXED)
+    file: text(name="File", description="The recording")
+    key: text(description="Key of the fit that it is shown on")
+    token: text(description="Name under which it is cached while Blender runs")
+    chosen: whole(description="Frame that is shown while the recording is paused")
     frame: IntProperty(
         name="Frame",
         description="Which frame is shown, from 0",
@@ -135,15 +120,10 @@ class SKIN_PG_replay(bpy.types.PropertyGroup):
         set=_set_progress,
         options=set(),
     )
-    speed: FloatProperty(
-        name="Speed",
-        description="Speed relative to the recording",
-        default=1.0,
-        min=0.01,
-        max=100,
-        **FIXED | {"update": replay.paced},
+    speed: number(
+        name="Speed", description="Speed relative to the recording", default=1.0, min=0.01, max=100, update=replay.paced
     )
-    loop: BoolProperty(name="Loop", description="Start again at the end", default=True, **FIXED)
+    loop: flag(name="Loop", description="Start again at the end", default=True)
 
 
 def maximum_token(key):
@@ -155,7 +135,7 @@ def maximum_token(key):
 class SKIN_PG_inspect(bpy.types.PropertyGroup):
     """How the fitted skin of a link is inspected."""
 
-    heat: EnumProperty(
+    heat: choice(
         name="Heat Map",
         description="What the colours show",
         items=[
@@ -166,9 +146,8 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
             ("UNCERTAINTY", "Uncertainty", "Standard uncertainty of the position of a taxel along the surface"),
             ("FORCE", "Force", "Forces, contacts, CoP and supporting polygons of a replayed recording"),
         ],
-        **FIXED,
     )
-    labels: EnumProperty(
+    labels: choice(
         name="Labels",
         description="Labels of the taxels that face the viewer, where they do not overlap",
         items=[
@@ -176,25 +155,17 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
             ("ID", "Ids", "Ids of the taxels"),
             ("CHANNEL", "Channels", "Positions of the taxels in a reading"),
         ],
-        **FIXED,
     )
-    auto_length: BoolProperty(
-        name="Automatic Normals",
-        description="Draw normals in proportion to the cells and to the link",
-        default=True,
-        **FIXED,
+    auto_length: flag(
+        name="Automatic Normals", description="Draw normals in proportion to the cells and to the link", default=True
     )
-    length: FloatProperty(name="Normals", description="Length of the drawn normals", default=0.006, min=0, **LENGTH)
-    text_size: IntProperty(
-        name="Text Size", description="Size of the labels, in points", default=11, min=6, max=60, **FIXED
-    )
-    line_width: FloatProperty(
-        name="Line Width", description="Width of all lines, as a factor", default=1.0, min=0.25, max=10, **FIXED
-    )
+    length: length(name="Normals", description="Length of the drawn normals", default=0.006, min=0)
+    text_size: whole(name="Text Size", description="Size of the labels, in points", default=11, min=6, max=60)
+    line_width: number(name="Line Width", description="Width of all lines, as a factor", default=1.0, min=0.25, max=10)
 
-    marked: StringProperty(description="Key of the fit whose maximum deviation is marked", **FIXED)
+    marked: text(description="Key of the fit whose maximum deviation is marked")
 
-    marked_place: StringProperty(description="Name under which the mark of a warning is cached", **FIXED)
+    marked_place: text(description="Name under which the mark of a warning is cached")
 
     taxel: PointerProperty(type=SKIN_PG_taxel, name="Taxel", description="The taxel whose values are shown")
 
@@ -221,6 +192,3 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
             yield self.touches.token
         if self.replay.token and self.replay.key == key:
             yield self.replay.token
-
-
-CLASSES = (SKIN_PG_taxel, SKIN_PG_comparison, SKIN_PG_touches, SKIN_PG_replay, SKIN_PG_inspect)

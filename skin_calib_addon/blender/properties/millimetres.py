@@ -8,8 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..scene.decimals import exact
-from ..scene.units import metres_per_unit
+from ..scene.units import exact, metres_per_unit
 from .options import FIXED
 
 SUFFIX = "_mm"

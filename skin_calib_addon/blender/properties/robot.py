@@ -4,13 +4,13 @@
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, IntProperty, StringProperty
+from bpy.props import PointerProperty
 
 from ...proposal.skins import FORMS
 from ..scene import robots
 from ..scene.link_objects import why_not
 from .of_keys import tooltip
-from .options import FIXED
+from .options import flag, text, whole
 
 # Skins of the field, with a hint: those that laboratories have.
 PRESETS = (
@@ -36,22 +36,29 @@ def _skin_changed(robot: Any, _context: Any) -> None:
 class SKIN_PG_robot(bpy.types.PropertyGroup):
     """Settings of the scene."""
 
-    skin: StringProperty(
+    skin: text(
         name="Skin",
         description=f"Skin that is proposed for links; empty: that of the preferences. {tooltip(FORMS)}",
         update=_skin_changed,
         search=_presets,
         search_options={"SUGGESTION"},
-        **FIXED,
     )
-    robot: BoolProperty(name="Robot", description="Whether Robot is open", default=True, **FIXED)
-    row: IntProperty(
+    robot: flag(name="Robot", description="Whether Robot is open", default=True)
+    row: whole(
         name="Link",
         description="The link of the selected row; it becomes active, and the view shows it",
         get=lambda robot: robots.active_row(robot.id_data),
         set=lambda robot, index: robots.select_row(robot.id_data, index),
-        **FIXED,
     )
 
 
-CLASSES = (SKIN_PG_robot,)
+def register():
+    """Give every scene what its links have in common."""
+    bpy.types.Scene.skin_calib = PointerProperty(
+        type=SKIN_PG_robot, name="Skin", description="What all links have in common"
+    )
+
+
+def unregister():
+    """Remove it from scenes; files keep it."""
+    del bpy.types.Scene.skin_calib

@@ -2,24 +2,15 @@
 """Warnings, and the result of the check of a mesh, as properties."""
 
 import bpy
-from bpy.props import (
-    BoolProperty,
-    CollectionProperty,
-    EnumProperty,
-    FloatProperty,
-    FloatVectorProperty,
-    IntProperty,
-    StringProperty,
-)
 
-from .options import FIXED
+from .options import choice, flag, many, number, text, vector, whole
 
 
 class SKIN_PG_warning(bpy.types.PropertyGroup):
     """One thing to look at; the members are those of `common.warnings.Warning`."""
 
-    code: StringProperty(name="Code", description="Stable name of the kind of warning", **FIXED)
-    severity: EnumProperty(
+    code: text(name="Code", description="Stable name of the kind of warning")
+    severity: choice(
         name="Severity",
         description="How much it matters",
         items=[
@@ -27,30 +18,22 @@ class SKIN_PG_warning(bpy.types.PropertyGroup):
             ("warning", "Warning", "Look at it before you trust the result"),
             ("error", "Error", "The result cannot be used"),
         ],
-        **FIXED,
     )
-    message: StringProperty(name="Message", description="What is wrong, and where", **FIXED)
-    advice: StringProperty(name="Advice", description="What to do", **FIXED)
-    value: FloatProperty(name="Value", description="The figure of the message, in SI units", **FIXED)
-    has_point: BoolProperty(name="Has Point", description="Whether the place is known as a point", **FIXED)
-    point: FloatVectorProperty(name="Point", description="Place in the link frame [m]", **FIXED)
-    names: StringProperty(name="Names", description="Planes or rows near the place", **FIXED)
-    skin: StringProperty(name="Skin", description="Name of the skin", **FIXED)
-    surface: StringProperty(name="Surface", description="Name of the surface, of several", **FIXED)
+    message: text(name="Message", description="What is wrong, and where")
+    advice: text(name="Advice", description="What to do")
+    value: number(name="Value", description="The figure of the message, in SI units")
+    has_point: flag(name="Has Point", description="Whether the place is known as a point")
+    point: vector(name="Point", description="Place in the link frame [m]")
+    names: text(name="Names", description="Planes or rows near the place")
+    skin: text(name="Skin", description="Name of the skin")
+    surface: text(name="Surface", description="Name of the surface, of several")
 
 
 class SKIN_PG_diagnosis(bpy.types.PropertyGroup):
     """The result of the last check of the mesh."""
 
-    key: StringProperty(description="Key of the mesh that was checked; empty before the first check", **FIXED)
-    outdated: BoolProperty(name="Outdated", description="The plan was changed after the check", **FIXED)
-    findings: CollectionProperty(
-        type=SKIN_PG_warning, name="Findings", description="What the check of the mesh found", **FIXED
-    )
-    inner: IntProperty(
-        name="Inner Parts", description="Connected parts that are mostly within the convex hull of others", **FIXED
-    )
-    edges: IntProperty(name="Edges", description="Edges of holes, and edges with more than two faces", **FIXED)
-
-
-CLASSES = (SKIN_PG_warning, SKIN_PG_diagnosis)
+    key: text(description="Key of the mesh that was checked; empty before the first check")
+    outdated: flag(name="Outdated", description="The plan was changed after the check")
+    findings: many(type=SKIN_PG_warning, name="Findings", description="What the check of the mesh found")
+    inner: whole(name="Inner Parts", description="Connected parts that are mostly within the convex hull of others")
+    edges: whole(name="Edges", description="Edges of holes, and edges with more than two faces")

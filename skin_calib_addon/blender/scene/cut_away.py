@@ -21,11 +21,16 @@ def modifier_of(link: bpy.types.Object) -> bpy.types.Modifier | None:
     return next((m for m in link.modifiers if m.type == "NODES" and m.node_group and OURS in m.node_group), None)
 
 
-def selected(link: bpy.types.Object) -> BoolArray:
-    """Return which faces are selected and not cut away yet, shape (f,), of an object in Object Mode."""
+def selection_of(link: bpy.types.Object) -> BoolArray:
+    """Return which faces of the mesh of an object are selected, shape (f,)."""
     chosen = np.zeros(len(link.data.polygons), bool)
     link.data.polygons.foreach_get("select", chosen)
-    removed = _marked(link)
+    return chosen
+
+
+def selected(link: bpy.types.Object) -> BoolArray:
+    """Return which faces are selected and not cut away yet, shape (f,), of an object in Object Mode."""
+    chosen, removed = selection_of(link), _marked(link)
     if not (chosen & ~removed).any():
         raise InvalidMesh(f"No remaining face of {link.name} is selected. Select the faces to cut away.")
     if (chosen | removed).all():

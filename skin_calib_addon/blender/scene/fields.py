@@ -16,7 +16,7 @@ from ...geometry.mesh.cover import Cut
 from ...geometry.sampling.planes import Planes
 from ...plan.document import as_tuples, planes_from
 from ...plan.key import Key, Record, problem
-from .decimals import exact, in_units, vector
+from .units import exact, in_units, vector
 
 CELL = re.compile(r"(-?\d{1,4}),(-?\d{1,4})")
 # Kinds of values whose properties a module of its own reads and writes.

@@ -15,9 +15,8 @@ from mathutils import Matrix
 from ...common.arrays import Array, IntArray
 from ...common.errors import InvalidMesh
 from ...geometry.mesh.triangle_mesh import TriangleMesh
-from .decimals import vector
 from .facets import Facets
-from .units import metres_per_unit
+from .units import metres_per_unit, vector
 
 # Deviation of a parent's matrix from a rotation with one scale, relative to the scale, above which it is refused.
 MAX_FRAME_DEVIATION = 1e-4

@@ -74,11 +74,6 @@ def longest_side(link: bpy.types.Object, scene: bpy.types.Scene) -> float:
     return max(link.dimensions) * metres_per_unit(scene)
 
 
-def why_no_link(context: bpy.types.Context, named: bool = True) -> str:
-    """Return why the active object is not an editable link, and what to do; empty if it is one."""
-    return why_not(context.object, named)
-
-
 def why_not(link: bpy.types.Object | None, named: bool = True) -> str:
     """Return why an object is not an editable link, and what to do; empty if it is one."""
     if link is None or link.type != "MESH":

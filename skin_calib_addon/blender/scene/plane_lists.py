@@ -9,51 +9,43 @@ import numpy as np
 
 from ...common.arrays import Array
 from ...geometry import Planes
-from .decimals import in_units, vector
-from .units import metres_per_unit
+from .units import in_units, metres_per_unit, vector
 
 FAMILIES = ("CUT", "U", "V")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class HandPlanes:
-    """The planes of a plan that the author placed one by one, by family; row i of both arrays is one plane."""
+    """The planes of a plan that the author placed one by one."""
 
-    points: dict[str, Array]  # (k, 3) [m]
-    normals: dict[str, Array]  # (k, 3), of any length
+    planes: dict[str, tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]]  # point [m] and normal, by family
     shell: str  # which shells of the mesh are kept, as in a CoverSpec
     closed: bool  # whether the v-planes go all round the link
 
     @property
     def are_there(self) -> bool:
         """Return whether there is any plane."""
-        return any(len(points) for points in self.points.values())
+        return any(self.planes.values())
 
-    def is_same(self, other: "HandPlanes") -> bool:
-        """Return whether other planes make the same sketch."""
-        pairs = (
-            (getattr(self, n)[family], getattr(other, n)[family]) for n in ("points", "normals") for family in FAMILIES
-        )
-        return (self.shell, self.closed) == (other.shell, other.closed) and all(np.array_equal(a, b) for a, b in pairs)
+    def points(self, family: str) -> Array:
+        """Return the points of the planes of a family, shape (k, 3) [m]."""
+        return np.array([point for point, _ in self.planes[family]]).reshape(-1, 3)
+
+    def normals(self, family: str) -> Array:
+        """Return their normals, shape (k, 3), of any length."""
+        return np.array([normal for _, normal in self.planes[family]]).reshape(-1, 3)
 
 
 def read_hand_planes(link: bpy.types.Object, scene: bpy.types.Scene) -> HandPlanes:
     """Return the planes that were placed one by one, valid or not: cuts, and those of a grid of such planes."""
     settings, metre = link.skin_calib, metres_per_unit(scene)
-    is_by_hand = settings.grid.kind == "planes"
-    families = {
-        "CUT": settings.cover.cuts,
-        "U": settings.grid.u if is_by_hand else (),
-        "V": settings.grid.v if is_by_hand else (),
+    grid = settings.grid if settings.grid.kind == "planes" else None
+    lists = {"CUT": settings.cover.cuts, "U": grid.u if grid else (), "V": grid.v if grid else ()}
+    planes = {
+        family: tuple((tuple(vector(p.point, metre)), tuple(vector(p.normal))) for p in listed)
+        for family, listed in lists.items()
     }
-    points = {name: np.array([vector(p.point, metre) for p in planes]) for name, planes in families.items()}
-    normals = {name: np.array([vector(p.normal) for p in planes]) for name, planes in families.items()}
-    return HandPlanes(
-        {name: rows.reshape(-1, 3) for name, rows in points.items()},
-        {name: rows.reshape(-1, 3) for name, rows in normals.items()},
-        settings.cover.shell,
-        settings.grid.closed,
-    )
+    return HandPlanes(planes, settings.cover.shell, settings.grid.closed)
 
 
 def read_planes(grid: Any, family: str, scene: bpy.types.Scene) -> Planes | None:

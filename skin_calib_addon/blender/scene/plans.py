@@ -23,10 +23,9 @@ from ...plan.document import write as write_document
 from ...plan.key import Key, Record
 from ...plan.keys import COVER, GRIDS, LINK, SURFACE
 from ...plan.plan import Surface
-from .decimals import vector
 from .fields import OWN, read, read_key, write, write_key
 from .skins import read_skin, seen_from, write_skin
-from .units import metres_per_unit
+from .units import metres_per_unit, vector
 
 # Largest numbers of Blender's properties, which have single precision and 32 bits.
 LARGEST_NUMBER, LARGEST_COUNT = 3e38, 2**31 - 1

@@ -74,6 +74,3 @@ def preferences() -> SKIN_AP_preferences:
     """Return the preferences of the extension."""
     found: SKIN_AP_preferences = bpy.context.preferences.addons[PACKAGE].preferences
     return found
-
-
-CLASSES = (SKIN_AP_preferences,)

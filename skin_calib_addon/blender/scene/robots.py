@@ -46,8 +46,11 @@ def add_robot(
         if link in problems:
             frame.skin_calib.link, frame.skin_calib.refusal = link, problems[link]
         if link in meshes:
-            links.append(_add_link(context, group, frame, link, meshes[link], urdf.name))
-            links[-1].skin_calib.urdf = file
+            links.append(add_link(context, meshes[link], "m", link))
+            context.scene.collection.objects.unlink(links[-1])
+            group.objects.link(links[-1])
+            links[-1].parent, settings = frame, links[-1].skin_calib
+            settings.link, settings.mesh_file, settings.urdf = link, urdf.name, file
     return links
 
 
@@ -62,22 +65,6 @@ def _in_units(pose: Array, metre: float) -> Matrix:
     matrix = Matrix(pose.tolist())
     matrix.translation /= metre
     return matrix
-
-
-def _add_link(
-    context: bpy.types.Context,
-    group: bpy.types.Collection,
-    frame: bpy.types.Object,
-    name: str,
-    mesh: TriangleMesh,
-    file: str,
-) -> bpy.types.Object:
-    link = add_link(context, mesh, "m", name)
-    context.scene.collection.objects.unlink(link)
-    group.objects.link(link)
-    link.parent = frame
-    link.skin_calib.link, link.skin_calib.mesh_file = name, file
-    return link
 
 
 def is_listed(thing: bpy.types.Object) -> bool:

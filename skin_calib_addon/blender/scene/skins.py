@@ -17,11 +17,11 @@ from ...pipeline.sources import relative_path
 from ...plan.checks import about_skin
 from ...plan.document import skin_kind
 from ...plan.keys import SKIN_KINDS, SKINS_OF
-from ...plan.skins import BoardSkin, Frame, ImportedSkin, SheetSkin, Skin
+from ...plan.skins import BoardSkin, ImportedSkin, SheetSkin, Skin
 from ...skin.sheet.wrap import root_of
 from . import fields
-from .decimals import in_units
 from .face_groups import zones_of
+from .units import in_units
 
 
 def read_skin(group: Any, metre: float) -> Skin:
@@ -74,11 +74,6 @@ def seen_from(folder: Path, skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
     )
 
 
-def write_frame(group: Any, frame: Frame, metre: float) -> None:
-    """Set the frame of an imported skin."""
-    fields.write_key(SKINS_OF["imported"].key("frame"), group, frame, metre)
-
-
 def move_skin(skin: Any, moved: SheetSkin | BoardSkin, metre: float) -> None:
     """Set the pose of a skin and nothing else: origin and direction, or landmarks; its registration; and its boards."""
     for item, mark in zip(skin.landmarks, getattr(moved, "landmarks", ())):
@@ -93,11 +88,11 @@ def move_skin(skin: Any, moved: SheetSkin | BoardSkin, metre: float) -> None:
 
 def point_of(plan: Any, what: str, skin: int, index: int) -> tuple[Any, str]:
     """Return the group of properties that has an origin, a landmark or a zone, and the name of its point there."""
-    owner = entry(plan.skins, skin, "skin")
     if what == "landmark":
-        return entry(of_kind(owner, "sheet", "landmarks").landmarks, index, "landmark"), "point"
+        return entry(of_kind(plan, skin, "sheet", "landmarks").landmarks, index, "landmark"), "point"
     if what == "zone":
-        return entry(of_kind(owner, "hexagons", "excluded zones").excluded, index, "excluded zone"), "point"
+        return entry(of_kind(plan, skin, "hexagons", "excluded zones").excluded, index, "excluded zone"), "point"
+    owner = entry(plan.skins, skin, "skin")
     if owner.kind == "imported":
         raise SkinCalibError(f"Skin {owner.name!r} has no origin, its file has the positions. Give it a frame.")
     return owner, "origin"
@@ -162,8 +157,9 @@ def root_row(taxels: TaxelArray) -> int:
     return int(np.argmin(np.abs(taxels.index).sum(axis=1)))
 
 
-def of_kind(skin: Any, kind: str, what: str) -> Any:
-    """Return a skin that must be of the kind that has such things."""
+def of_kind(plan: Any, index: int, kind: str, what: str) -> Any:
+    """Return a skin of a plan, which must be of the kind that has such things."""
+    skin = entry(plan.skins, index, "skin")
     if skin.kind != kind:
         label = next(choice.label for choice in SKIN_KINDS if choice.value == kind)
         raise SkinCalibError(

@@ -1,13 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The length of a scene unit, and numbers in their units for texts: lengths in millimetres, whatever the scene has."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import bpy
 import numpy as np
 
-from .decimals import exact
+
+def exact(value: float, unit: float = 1.0) -> float:
+    """Return the shortest decimal that a single-precision property can be, times a unit.
+
+    0.0045 typed is 0.0045, not 0.00449999981; 4.9 mm are 0.0049 m, not 0.004900000000000001.
+    """
+    return float(f"{float(str(np.float32(value))) * unit:.9g}")
+
+
+def vector(values: Iterable[float], metre: float = 1.0) -> list[float]:
+    """Return the shortest decimals that properties can be, times a unit."""
+    return [exact(x, metre) for x in values]
+
+
+def in_units(lengths: Iterable[float], metre: float) -> list[float]:
+    """Convert lengths to scene units."""
+    return [x / metre for x in lengths]
+
 
 # Factor and symbol of the units in which numbers are shown, by their kind.
 UNITS = {"LENGTH": (1e3, "mm"), "FRACTION": (1e2, "%"), "FORCE": (1.0, "N"), "ANGLE": (float(np.rad2deg(1)), "°")}

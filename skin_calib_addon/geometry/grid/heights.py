@@ -113,7 +113,7 @@ class Heights:
         else:
             slopes = found.slope[..., None] * sites.values
         slopes -= sites.values @ (sites.inverse @ slopes)
-        weights = found.known * np.sqrt(found.width)
+        weights = found.known * np.sqrt(found.width.clip(0))  # a folded spline has negative widths
         return (found.residuals * weights).ravel(), (slopes * weights[..., None]).reshape(-1, len(positions))
 
     @cached_property
