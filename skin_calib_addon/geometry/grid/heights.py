@@ -113,7 +113,7 @@ class Heights:
         else:
             slopes = found.slope[..., None] * sites.values
         slopes -= sites.values @ (sites.inverse @ slopes)
-        weights = found.known * np.sqrt(found.width.clip(0))  # a folded spline has negative widths
+        weights = found.known * np.sqrt(found.width)
         return (found.residuals * weights).ravel(), (slopes * weights[..., None]).reshape(-1, len(positions))
 
     @cached_property
@@ -140,7 +140,7 @@ def widths(positions: Array, closed: bool) -> Array:
     if closed:
         steps = (np.roll(positions, -1, axis=-1) - np.roll(positions, 1, axis=-1) + TURN / 2) % TURN - TURN / 2
         return np.asarray(np.abs(steps) / 2)
-    steps = np.diff(positions, axis=-1) / 2
+    steps = np.diff(positions, axis=-1).clip(0) / 2  # a folded spline goes back
     none = np.zeros_like(steps[..., :1])
     return np.concatenate((none, steps), axis=-1) + np.concatenate((steps, none), axis=-1)
 

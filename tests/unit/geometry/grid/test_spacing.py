@@ -392,3 +392,9 @@ def test_search_of_lines_is_not_repeated_for_other_numbers_of_planes(monkeypatch
     looks.clear()
     TubeGrid(12, 20, Z_AXIS, 0.004).line_grid(mesh)
     assert looks and True not in looks
+
+
+def test_folded_splines_have_no_negative_widths():
+    """Where a spline goes back, as behind the edges of a sector of nearly a full turn, its sites do not count."""
+    found = widths(np.array([[0.0, 2.0, 1.0, 3.0]]), False)
+    assert_allclose(found, [[1.0, 1.0, 1.0, 1.0]])
