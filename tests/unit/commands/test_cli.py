@@ -452,6 +452,20 @@ def test_missing_package_of_authors_is_one_line(folder):
     assert without_scipy("fit", folder / "tube.plan.json", "-o", folder) == (1, "", words)
 
 
+@pytest.mark.parametrize("module, kind, package", [("trimesh", "obj", "trimesh"), ("collada", "dae", "pycollada"),
+                                                   ("igl", "ply", "libigl")])  # fmt: skip
+def test_missing_package_of_a_mesh_is_one_line(folder, capsys, monkeypatch, module, kind, package):
+    """The readers of single formats, and distances, import their packages late."""
+    if kind != "ply":
+        (folder / f"tube.{kind}").write_text("v 0 0 0\n")
+    monkeypatch.setitem(sys.modules, module, None)
+    plan = write_plan(folder, mesh=f"tube.{kind}")
+    assert main(["fit", str(plan), "-o", str(folder / "out.json")]) == 1
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1 and err.startswith("skin-calib: ") and "No module" not in err
+    assert package in err and "pip install" in err
+
+
 def test_show_prints_a_table_and_draws(folder, capsys):
     """Link, mesh, surface with errors, patches with channels and strain; a PNG file if requested."""
     main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "out.json")])

@@ -196,8 +196,13 @@ def test_types_and_sizes():
 
 
 def test_skin_without_taxels():
-    """It has no contacts and no wrench."""
-    batch = Skin(small_calibration(patches=(), surfaces=())).batch(np.zeros((3, 0)))
+    """It has no contacts, no wrench and no noise, whatever the data type of its readings."""
+    skin = Skin(small_calibration(patches=(), surfaces=()))
+    for dtype in (np.int64, float):
+        skin.tare(np.zeros((30, 0), dtype))
+    frames = [skin.update(np.zeros(0), 0.02 * k) for k in range(40)]
+    assert skin.noise is None and frames[-1].contacts == () and frames[-1].flags == {"noise_unknown"}
+    batch = skin.batch(np.zeros((3, 0)))
     assert batch.forces.shape == (3, 0) and (batch.contact_counts == 0).all() and (batch.wrench == 0).all()
 
 
