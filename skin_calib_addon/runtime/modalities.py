@@ -116,8 +116,10 @@ class Modalities:
         return [(name, self._converters[name]) for name in readings if name != FORCE]
 
 
-def force_of(readings: Mapping[Any, Any]) -> Any:
-    """Return the readings of force in a mapping."""
+def force_of(readings: Any) -> Any:
+    """Return the readings of force: those in a mapping, or what is no mapping."""
+    if not isinstance(readings, Mapping):
+        return readings
     if FORCE not in readings:
         listed = ", ".join(map(str, readings)) or "nothing"
         raise InvalidReading(f"the mapping has no reading of {FORCE}; it has {listed}", flag="wrong_type")

@@ -171,8 +171,8 @@ def test_silence_is_frozen_as_equal_readings_are():
     ("indices", "values", "flag", "message"),
     [
         ([1, 2], [1.0], "wrong_length", "2 indices for 1 values"),
-        ([0.5], [1.0], "wrong_type", "indices of events must be one row of whole numbers; these are float64 of shape"),
-        ([True], [1.0], "wrong_type", "these are bool of shape"),
+        ([0.5], [1.0], "wrong_type", "must be one row of whole numbers; this one is float64 of shape"),
+        ([True], [1.0], "wrong_type", "this one is bool of shape"),
         ([-1], [1.0], "wrong_type", "index -1 of an event is negative; channels are counted from 0"),
         ([[1]], [[1.0]], "wrong_type", "of shape \\(1, 1\\)"),
         ([1], [True], "wrong_type", "values of events must be one row of real numbers"),
