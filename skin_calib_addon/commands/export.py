@@ -18,7 +18,7 @@ from .common import (
     DONE,
     FIT_WITH_URDF,
     WRONG_DATA,
-    check_kept,
+    check_outputs,
     check_target,
     complain,
     file_name,
@@ -43,8 +43,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    check_target(options.output, options.file)
-    check_kept(options.file, options.output)
+    check_outputs(options, options.file)
     check_writable(options.output)
     if is_robot(options.file):
         return _export_robot(options)
@@ -54,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     write_bytes_safely(options.output, format.write(calibration))
     for line in _of_fit(calibration):
         complain(line)
-    taxels, patches = sum(len(patch.taxels.ids) for patch in calibration.patches), len(calibration.patches)
+    taxels, patches = calibration.taxel_count, len(calibration.patches)
     say(f"{options.output}: {format.what}, {taxels} taxels in {patches} patches; ids in the file: {format.labels}")
     return DONE
 
@@ -87,7 +86,7 @@ def _export_robot(options: argparse.Namespace) -> int:
         write_bytes_safely(mesh_folder / name, data)
     write_bytes_safely(options.output, model.text)
     known = [calibration for link, calibration in calibrations.items() if link in content.links]
-    taxels = sum(len(patch.taxels.ids) for calibration in known for patch in calibration.patches)
+    taxels = sum(calibration.taxel_count for calibration in known)
     say(
         f"{options.output}: {robot.robot} with {counted(taxels, 'taxel')} on {counted(len(known), 'link')}; "
         f"{len(model.meshes)} mesh files in {mesh_folder.name}; sensors are named LINK/ID"

@@ -26,9 +26,7 @@ from .common import (
     DONE,
     FIT_WITH_URDF,
     WRONG_DATA,
-    check_kept,
-    check_picture,
-    check_target,
+    check_outputs,
     complain,
     file_name,
     named_path,
@@ -44,9 +42,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    check_target(options.picture, options.file)
-    check_kept(options.file, options.picture)
-    check_picture(options.picture)
+    check_outputs(options, options.file)
     if is_robot(options.file):
         return _show_robot(options)
     calibration, warnings = load_with_warnings(options.file)
@@ -93,7 +89,7 @@ def _draw_robot(robot: RobotSet, folder: Path, calibrations: Mapping[str, LinkCa
     known = {link: calibration for link, calibration in calibrations.items() if link in poses}
     covered = {link: covered_area(calibration) for link, calibration in known.items()}
     say(area_table({link: (covered.get(link, 0.0), seen_area(mesh)) for link, mesh in meshes.items()}))
-    taxels, area = sum(len(p.taxels.ids) for c in known.values() for p in c.patches), sum(covered.values())
+    taxels, area = sum(found.taxel_count for found in known.values()), sum(covered.values())
     title = f"{robot.robot}: skin on {len(known)} of {counted(len(content.links), 'link')}, {counted(taxels, 'taxel')}"
     title += f", {area * 1e4:.0f} cm²"
     draw_robot(meshes, poses, known, title, picture)
