@@ -212,7 +212,12 @@ class Polygon:
         if len(self._loop) < 3:
             return EMPTY_POLYGON
         corners = np.asarray(cell).tolist()
-        return self.moved_in(max(0.0, *[ux * q - uy * p for p, q in corners]) for _, _, ux, uy, _ in self._sides)
+        edges = [(u - x, v - y) for (x, y), (u, v) in self._edges]
+        extents = [max(0.0, *[ex * q - ey * p for p, q in corners]) for ex, ey in edges]
+        moved = _moved_corners(self._loop, edges, extents)
+        if moved is None:
+            return self.moved_in(extent / side[4] for extent, side in zip(extents, self._sides))
+        return Polygon(np.array(_convex(moved)))
 
     def moved_in(self, distances: Iterable[float]) -> "Polygon":
         """Return the polygon after each edge moved inward by its own distance [m]; it can be empty.
@@ -301,6 +306,36 @@ def _fan(corners: list) -> tuple:
         along_x += cross * (x + u)
         along_y += cross * (y + v)
     return twice, along_x, along_y
+
+
+def _moved_corners(loop: list[Point], edges: list[Point], extents: list[float]) -> list[Point] | None:
+    """Return the corners after each edge moved inward; None if little or nothing is left, where :func:`_cut` is needed.
+
+    An edge that would run backwards is behind the intersection of its neighbours, and is left out.
+    """
+    left = list(range(len(loop)))
+    while True:
+        moved = []
+        i = left[-1]
+        for j in left:
+            (ax, ay), (bx, by) = edges[i], edges[j]
+            (x, y), (u, v) = loop[j], loop[i]
+            turns = ax * by - ay * bx
+            if not UNDERFLOW_LIMIT < turns < math.inf:
+                return None
+            a, b = extents[i] - (ax * (y - v) - ay * (x - u)), extents[j]
+            moved.append((x + (a * bx - b * ax) / turns, y + (a * by - b * ay) / turns))
+            i = j
+        kept = []
+        was_kept = True
+        for k, (x, y), (u, v) in zip(left, moved, moved[1:] + moved[:1]):
+            ex, ey = edges[k]
+            was_kept = not was_kept or (u - x) * ex + (v - y) * ey > 0  # the neighbours of one left out stay
+            if was_kept:
+                kept.append(k)
+        if len(kept) == len(left):
+            return moved
+        left = kept if was_kept or kept[0] == left[0] else [left[0], *kept]
 
 
 def _cut(loop: list[Point], sides: list[Side], distances: list[float]) -> list[Point]:
