@@ -39,7 +39,7 @@ def flagged_after(skin, readings, period, start=10.0):
 
 
 CONVERTERS = [(12, 2.0), slow(12, 0.5), slow(16, 32.0), (16, 8.0)]
-PERIODS = [slow(0.001), 0.004, 0.04]
+PERIODS = [slow(0.001), slow(0.004), 0.04]
 
 
 @pytest.mark.parametrize(("bits", "noise"), CONVERTERS)
@@ -59,8 +59,7 @@ def test_change_of_the_byte_order_is_flagged(bits, noise, offset, load, period):
 
 
 @pytest.mark.parametrize(("bits", "noise"), CONVERTERS)
-@pytest.mark.parametrize("kind", [np.uint16, np.int16, float])
-@pytest.mark.parametrize("tared", [False, True])
+@pytest.mark.parametrize(("kind", "tared"), [(np.uint16, False), (np.int16, True), (float, True)])
 def test_byte_order_is_wrong_from_the_start(bits, noise, kind, tared):
     """Even the rest is wrong. Under load, or with an offset of more than a byte, it is flagged within a second."""
     rng = np.random.default_rng(2)
@@ -84,7 +83,7 @@ def test_rest_near_zero_is_flagged_with_a_range():
     assert flagged_after(sole(12), swapped, 0.004) is None
 
 
-@pytest.mark.parametrize("shift", [0, slow(4), slow(6), 7, slow(8)])
+@pytest.mark.parametrize("shift", [0, slow(4), 7])
 @pytest.mark.parametrize("period", PERIODS)
 def test_correct_order_is_not_flagged(shift, period):
     """Readings of 8 to 16 bits at either end of the word, at rest, under load and with contacts that jump."""
