@@ -206,11 +206,6 @@ def is_inside(point, loops):
     return crossings % 2 == 1
 
 
-def edges_of(loops):
-    """Return all edges of loops, one after the other, shape (e, 2, 2)."""
-    return np.array([edge for loop in loops for edge in zip(loop, np.roll(loop, -1, axis=0))])
-
-
 def points_on(loop, count):
     """Return a number of points on each edge of a loop, including its corners."""
     fraction = np.arange(count)[:, None] / count

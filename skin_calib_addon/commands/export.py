@@ -8,7 +8,7 @@ from pathlib import Path
 from ..calibration.exchange import FORMATS, WRITABLE, listed, only_patches
 from ..calibration.file import load_calibration
 from ..calibration.model import LinkCalibration
-from ..calibration.robot_set import FILE, calibrations_of, changed_urdf, is_robot, load_robot_set, robot_file, unlisted
+from ..calibration.robot_set import FILE, changed_urdf, examined, is_robot, robot_file
 from ..common.atomic_file import check_writable, make_folder, write_bytes_safely
 from ..common.errors import OutputError, SkinCalibError, counted
 from ..common.warnings import worst_first
@@ -62,12 +62,9 @@ def _export_robot(options: argparse.Namespace) -> int:
     """Write the model of a robot with all skins, and its meshes to a folder next to it."""
     if options.to != ROBOT_FORMAT or options.patch:
         raise OutputError(f"A robot is exported as {ROBOT_FORMAT}, with all patches. For others, name a calibration.")
-    robot = load_robot_set(options.file)
-    folder = robot_file(options.file).parent
+    robot, folder, calibrations, findings = examined(options.file)
     if robot.urdf is None:
         raise SkinCalibError(f"{FILE} names no URDF. {FIT_WITH_URDF}")
-    calibrations, findings = calibrations_of(robot, folder)
-    findings += tuple(unlisted(robot, folder))
     problems = [f"{FILE}: {finding}" for finding in findings if finding.severity == "error"]
     outdated = [f"{FILE}: {finding}" for finding in changed_urdf(robot, folder)]
     urdf = folder / robot.urdf.file

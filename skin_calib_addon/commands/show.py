@@ -6,16 +6,7 @@ from pathlib import Path
 
 from ..calibration.file import load_with_warnings
 from ..calibration.model import LinkCalibration
-from ..calibration.robot_set import (
-    FILE,
-    RobotSet,
-    calibrations_of,
-    changed_urdf,
-    is_robot,
-    load_robot_set,
-    robot_file,
-    unlisted,
-)
+from ..calibration.robot_set import FILE, RobotSet, changed_urdf, examined, is_robot
 from ..common.errors import counted
 from ..common.findings import show
 from ..pipeline.report import area_table, covered_area, robot_table, seen_area, table
@@ -57,15 +48,13 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _show_robot(options: argparse.Namespace) -> int:
-    robot = load_robot_set(options.file)
-    calibrations, findings = calibrations_of(robot, robot_file(options.file).parent)
-    findings += tuple(unlisted(robot, robot_file(options.file).parent))
+    robot, folder, calibrations, findings = examined(options.file)
     say(robot_table(robot, calibrations))
     for finding in findings:
         complain(f"{FILE}: {finding}")
     complete = not any(finding.severity == "error" for finding in findings)
     if options.picture:
-        complete &= _draw_robot(robot, robot_file(options.file).parent, calibrations, options.picture)
+        complete &= _draw_robot(robot, folder, calibrations, options.picture)
     return DONE if complete else WRONG_DATA
 
 

@@ -185,24 +185,6 @@ def test_plans_of_the_other_links_are_proposed(tmp_path, capsys, case):
 
 
 @pytest.mark.slow
-def test_commands_of_the_readme_follow_each_other(tmp_path, capsys):
-    """The plans name the robot, and the folder of the calibrations need not exist."""
-    pytest.importorskip("mujoco")
-    plates(tmp_path, ("base", "middle", "end"))
-    for words in (
-        ("propose", "bot.urdf", "-o", "plans", "--skin", "sheet:2x2x8mm"),
-        ("fit", "plans", "-o", "robot"),
-        ("check", "robot"),
-        ("export", "robot", "--to", "mjcf", "-o", "robot_with_skin.xml"),
-    ):
-        names = ("bot.urdf", "plans", "robot", "robot_with_skin.xml")
-        assert main([str(tmp_path / word) if word in names else word for word in words]) == 0
-    document = json.loads((tmp_path / "robot" / "robot.json").read_text())
-    assert document["robot"] == "bot" and document["urdf"]["file"] == "../bot.urdf"
-    assert [link["parent"] for link in document["links"]] == [None, "middle", "base"]
-
-
-@pytest.mark.slow
 def test_robot_is_that_of_all_plans_or_of_an_earlier_fit(tmp_path, capsys):
     """A plan with another mesh leaves the robot open, and fit states why; a URDF that was named stays."""
     urdf, out = plates(tmp_path, ("base", "middle", "end")), tmp_path / "out"

@@ -15,8 +15,8 @@ from skin_calib_addon.cli import main
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
 from skin_calib_addon.plan import load_plan
 from tests.examples import slow
-from tests.samples import boards, plane, small_calibration
 from tests.samples import cylinder as surface_tube
+from tests.samples import plane, small_calibration
 from tests.shapes import RADIUS, cylinder
 
 ROOT = Path(__file__).parents[3]
@@ -332,13 +332,6 @@ def test_check_names_every_finding_with_its_pointer(folder, capsys):
     ] == f"{plan}: 2 errors, 0 warnings"
 
 
-def test_check_refuses_a_plan_that_fit_refuses(folder, capsys):
-    """Members that are valid alone but contradict each other."""
-    plan = write_plan(folder, grid=TUBE | {"m": 6})
-    assert main(["check", str(plan)]) == 1
-    assert 'Give exactly one of "m" and "lines"' in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("command", ["check", "show"])
 def test_missing_or_broken_file_is_one_line(folder, capsys, command):
     """A missing path and an empty folder: code 1."""
@@ -421,16 +414,6 @@ def test_show_prints_all_data_of_a_calibration(tmp_path, capsys):
     save_calibration(small_calibration(response=response), path)
     main(["show", str(path)])
     assert "response  table of 2 rows, readings 0 to 250, 0 to 16 N\n" in capsys.readouterr().out
-
-
-def test_show_warns(tmp_path, capsys):
-    """Warnings are on stderr; the table is printed."""
-    patch = boards()
-    taxels = replace(patch.taxels, neighbours=(("h1",), ()))
-    save_calibration(small_calibration(patches=(replace(patch, taxels=taxels),)), tmp_path / "c.json")
-    assert main(["show", str(tmp_path / "c.json")]) == 0
-    out, err = capsys.readouterr()
-    assert out.startswith("link ") and err.startswith("skin-calib: warning: /patches/0/taxels/neighbours/0/0 is ")
 
 
 def test_warnings_of_a_fit_are_repeated_by_every_command(folder, capsys):

@@ -263,29 +263,6 @@ def test_insufficient_memory_stops_one_link(robot, capsys, monkeypatch):
 
 
 @pytest.mark.slow
-def test_crashed_process_does_not_stop_the_others(robot, capsys, monkeypatch):
-    """The system may kill a process that uses too much memory; its link is reported, and fitted by the next call."""
-
-    class Popen(subprocess.Popen):
-        begun = 0
-
-        def __init__(self, *words, **more):
-            super().__init__(*words, **more)
-            Popen.begun += 1
-            if Popen.begun == 2:
-                self.kill()
-
-    with monkeypatch.context() as patch:
-        patch.setattr(subprocess, "Popen", Popen)
-        assert fit(robot, "--jobs", "2") == 1
-    out = capsys.readouterr().out
-    assert out.count("failed      its process was killed") == 1
-    assert out.splitlines()[-1] == "3 links: 2 fitted, 1 failed"
-    assert fit(robot, "--jobs", "2") == 0
-    assert capsys.readouterr().out.splitlines()[-1] == "3 links: 1 fitted, 2 up to date"
-
-
-@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signals")
 def test_interrupted_call_leaves_whole_files(robot, capsys):
     """Ctrl+C during fits: finished calibrations stay, no other file is left, and the next call continues."""

@@ -79,14 +79,6 @@ def test_fit_lists_the_links_of_the_robot(robot, capsys):
     assert (robot / "out" / "robot.json").stat().st_ino == before and load_robot_set(robot / "out") == found
 
 
-def test_check_is_silent_about_a_good_set(robot, capsys):
-    edit(robot, bus=["can0", "can1"])
-    code, lines = check(robot, capsys)
-    assert code == 0 and [line for line in lines if "duplicate-id" not in line] == [
-        f"{robot / 'out' / 'robot.json'}: 0 errors, 1 warning"
-    ]
-
-
 def test_check_warns_of_channels_that_two_links_without_a_bus_use(robot, capsys):
     """Each may have its own readings."""
     code, lines = check(robot, capsys)

@@ -126,15 +126,6 @@ def test_batch_equals_the_loop(monkeypatch, name, has_times, block):
     assert (50 < standing < 290) if skin.ground is not None else standing == 0
 
 
-def test_full_contact_counts_the_moments_within_cells():
-    """Rows with every taxel in contact have the moments within the cells, as frames do."""
-    skin = two_feet()
-    readings = np.zeros((50, skin.reading_length))
-    readings[::2] = np.random.default_rng(0).uniform(20, 60, (25, skin.reading_length))
-    batch, standing = assert_equals_loop(skin, readings, None)
-    assert standing == 25 and batch.active[::2].all()
-
-
 def test_batch_does_not_change_the_skin():
     """The next frame is the same with and without a batch before it."""
     skin = with_noise()

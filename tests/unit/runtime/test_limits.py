@@ -3,16 +3,13 @@
 import numpy as np
 import pytest
 from scipy.optimize import minimize
-from scipy.spatial.transform import Rotation
 from scipy.stats import norm, t
 
 from skin_calib_addon.calibration import Response
-from skin_calib_addon.runtime import Body, Skin
-from skin_calib_addon.runtime.byte_order import ByteOrder
-from skin_calib_addon.runtime.plane import ground_of
+from skin_calib_addon.runtime import Skin
 from skin_calib_addon.runtime.rest import is_rest
 from tests.samples import plane, small_calibration
-from tests.soles import skin_of, sole_patch
+from tests.soles import sole_patch
 
 N, FRAMES, NOISE = 42, 250, 4.0
 
@@ -53,30 +50,6 @@ def test_rest_is_the_same_in_both_halves(sigmas, is_rest):
     assert rests(rows) == is_rest
 
 
-@pytest.mark.parametrize("millimetres, degrees, flags", [
-    (4.0, 0.0, set()), (6.0, 0.0, {"not_coplanar"}), (0.0, 2.5, set()), (0.0, 3.5, {"not_coplanar"})
-])  # fmt: skip
-def test_feet_are_on_one_plane_up_to_5_mm_and_3_degrees(millimetres, degrees, flags):
-    """The right foot is higher, or inclined about the ground point below its origin."""
-    body = Body({"left": skin_of(sole_patch()), "right": skin_of(sole_patch())})
-    right = np.eye(4)
-    right[:3, :3] = Rotation.from_euler("y", degrees, degrees=True).as_matrix()
-    right[2, 3] = 1e-3 * millimetres
-    frame = body.update(dict.fromkeys(body.skins, np.full(N, 10.0)), 0.0, {"left": np.eye(4), "right": right})
-    assert frame.flags == flags
-
-
-@pytest.mark.parametrize("degrees, stands", [(55.0, True), (65.0, False), (80.0, False)])
-def test_taxels_up_to_60_degrees_from_straight_down_can_stand(degrees, stands):
-    """Two of 20 are inclined to opposite sides, and higher than the others: the ground is the mean of those that do."""
-    a = np.deg2rad(degrees)
-    normals = np.tile((0, 0, -1.0), (20, 1))
-    normals[:2] = (np.sin(a), 0, -np.cos(a)), (-np.sin(a), 0, -np.cos(a))
-    positions = np.column_stack((np.arange(20) % 5, np.arange(20) // 5, np.arange(20) < 2)) * 0.01
-    plane = ground_of(positions, normals, np.full(20, 1e-4))
-    assert (plane.origin[2] > 0) == stands
-
-
 def learned_from(rows):
     """The noise after a tare with these readings (frames, N)."""
     skin = sole()
@@ -93,32 +66,6 @@ def each(values):
 def quantiles(count):
     """Numbers with exactly the standard normal distribution, as far as ``count`` of them can have it."""
     return norm.ppf((np.arange(count) + 0.5) / count)
-
-
-@pytest.mark.parametrize("fraction, is_clipped", [(0.03, False), (0.07, True)])
-def test_more_than_a_twentieth_of_the_readings_at_the_lowest_level_is_clipped(fraction, is_clipped):
-    """Readings with a deviation of 4, cut off at a level: that of clipped ones is the one before."""
-    rows = each(np.maximum(np.rint(100 + 4 * quantiles(250)), np.rint(100 + 4 * norm.ppf(fraction))))
-    assert ((rows[:, 0] == rows.min()).mean() > 0.05) == is_clipped
-    assert (abs(learned_from(rows).sigma[0] / rows[:, 0].std(ddof=1) - 1) > 1e-6) == is_clipped
-
-
-@pytest.mark.parametrize("lowest, is_clipped", [(40, False), (60, True)])
-def test_clipped_readings_are_half_as_many_as_those_of_the_next_level(lowest, is_clipped):
-    """Of 250 readings, 100 are at the next level."""
-    rows = each(np.repeat((7.0, 8.0, 9.0), (lowest, 100, 150 - lowest)))
-    assert (abs(learned_from(rows).mean[0] - rows[:, 0].mean()) > 1e-6) == is_clipped
-
-
-@pytest.mark.parametrize("probability, is_tail", [(0.014, False), (0.007, True)])
-def test_noise_with_a_largest_reading_of_a_probability_below_a_hundredth_is_not_normal(probability, is_tail):
-    """Of 250 readings of 42 taxels, one is as far from rest as the largest one is with this probability."""
-    rows, far = each(np.rint(1e5 + 1e3 * quantiles(250))), norm.isf(probability / (250 * N))
-    row = rows[:, 7]
-    for _ in range(20):  # the reading changes the mean and the deviation that it is compared with
-        row[np.argmax(row)] = np.rint(row.mean() + 0.5 + far * row.std(ddof=1))
-    noise = learned_from(rows)
-    assert (noise.sure[7] > row.mean() + 8 * row.std(ddof=1)) == is_tail
 
 
 def test_taxel_is_dead_if_chance_repeats_its_number_with_a_probability_of_a_millionth():
@@ -138,14 +85,6 @@ def test_few_frames_give_wider_levels(frames):
     false_sure = 3e-4 / 2 / N
     expected = rows.mean(axis=0) + 0.5 + rows.std(axis=0, ddof=1) * t.isf(false_sure, frames - 1)
     np.testing.assert_allclose(noise.sure - 1e5, expected - 1e5, rtol=0.03)
-
-
-@pytest.mark.parametrize("response_range, is_flagged", [(4000.0, True), (4200.0, False)])
-def test_range_below_16_levels_of_256_is_of_readings_with_a_lower_byte(response_range, is_flagged):
-    """Multiples of 256 that change: of such a response they are in the wrong order, of others they may be coarse."""
-    order, rng = ByteOrder(response_range), np.random.default_rng(0)
-    flags = [order.is_wrong(256.0 * rng.integers(0, 16, N), 0.02 * k) for k in range(5)]
-    assert flags[-1] == is_flagged
 
 
 def test_noise_of_a_clipped_taxel_is_that_of_its_readings_and_of_50_frames_of_all():

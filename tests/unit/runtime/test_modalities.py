@@ -2,9 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skin_calib_addon.calibration import Modality, Response, ResponseTable
@@ -129,21 +126,6 @@ def test_lost_force_keeps_the_other_modalities():
         assert flag in frame.flags and frame.touched is None and frame.problem
         assert frame.modalities["proximity"].known.all()
     assert sole().update({"proximity": FORCE}, 0.0).problem == "the mapping has no reading of force; it has proximity"
-
-
-@given(
-    readings=st.dictionaries(
-        st.sampled_from(["force", "proximity", "temperature", "acceleration_x", "other"]) | st.integers(),
-        hnp.arrays(st.sampled_from([np.uint8, np.float64, bool, object]), st.sampled_from([(), (1,), (N,), (2, N)]))
-        | st.none()
-        | st.text(),
-    )
-)
-def test_no_mapping_raises_an_error(readings):
-    """Whatever the mapping has, there is a frame, and each value is known or NaN."""
-    frame = sole().update(readings, 0.0)
-    for value in frame.modalities.values():
-        assert_array_equal(np.isnan(value.values), ~value.known)
 
 
 def test_events_take_modalities_too():

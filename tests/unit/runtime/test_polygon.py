@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.runtime.hull import grid_step
-from skin_calib_addon.runtime.polygon import Polygon, _convex, convex_hull, from_grid, turn
+from skin_calib_addon.runtime.polygon import Polygon, convex_hull, from_grid, turn
 from tests import oracles
 from tests.polygons import THIN, polygons, size_of, unit_floats
 from tests.unit.runtime.test_hull import clouds, on_grid
@@ -247,16 +247,6 @@ def test_inset_of_a_square_is_known():
         assert SQUARE.inset(distance).kind == "empty" and SQUARE.inset(distance).corners.shape == (0, 2)
 
 
-def test_edges_vanish_as_a_polygon_moves_in():
-    """The short edge of a square with one cut corner vanishes before the others meet."""
-    cut = convex_hull([(0, 0), (2, 0), (2, 1.9), (1.9, 2), (0, 2)])
-    assert len(cut.corners) == 5
-    assert len(cut.inset(0.2).corners) == 4
-    assert_allclose(cut.inset(0.2).corners, SQUARE.inset(0.2).corners, rtol=1e-14)
-    right = cut.moved_in([0.0, 1.0, 0.0, 0.0, 0.0])
-    assert_allclose(right.corners, [(0, 0), (1, 0), (1, 2), (0, 2)], atol=1e-15)
-
-
 def test_edges_that_hardly_turn_are_moved_as_well():
     """The cross product of two edges is 1, while rounding errors are 128; the result is not empty."""
     far = (433494437, 0)
@@ -279,18 +269,6 @@ def test_edges_that_hardly_move_let_the_others_move(corners, distances):
     """The distance is less than rounding: only one end of the edge seems to be removed."""
     polygon = Polygon(np.array(corners, float))
     assert_moved_in(polygon, distances, polygon.moved_in(distances))
-
-
-def test_result_can_have_one_old_corner():
-    """One corner of a triangle stays."""
-    triangle = convex_hull([(0, 0), (2, 0), (0, 2)])
-    left = triangle.moved_in([1.5, 0.0, 0.0])
-    assert_allclose(left.corners, [(0, 1.5), (0.5, 1.5), (0, 2)], atol=1e-15)
-
-
-def test_corners_on_a_line_are_left_out():
-    """The convex part of the result has no corner on a line."""
-    assert _convex([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (2.0, 2.0), (1.0, 1.0), (1.0, 1.0)]) == [(0, 0), (2, 0), (2, 2)]
 
 
 @pytest.mark.parametrize("distance", [-0.1, math.nan])

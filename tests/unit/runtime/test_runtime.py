@@ -58,19 +58,6 @@ def test_nothing_pressed_is_no_contact():
     assert (frame.forces == 0).all()
 
 
-def test_one_pressed_cell_is_a_contact():
-    """It has the position, normal, force and area of the cell; its force on the robot is against the normal."""
-    frame = closed_skin().update(pressed([(1, 5)], 3.0), 0.0)
-    (contact,) = frame.contacts
-    i = COLUMNS + 5
-    assert contact.ids == ("round.1.5",) and contact.taxels.tolist() == [i] and contact.force == 3.0
-    assert contact.area == ROUND.areas[i]
-    assert_allclose(contact.position, ROUND.positions_link[i], rtol=1e-15)
-    assert_allclose(contact.normal, ROUND.normals_link[i], rtol=1e-14)
-    assert_allclose(contact.wrench[:3], -3.0 * ROUND.normals_link[i], rtol=1e-14)
-    assert_allclose(frame.wrench, contact.wrench, rtol=0)
-
-
 def test_contacts_are_connected_over_the_seam():
     """The last and the first cell of a row that closes around the link are neighbours: one contact, not two."""
     seam = closed_skin().update(pressed([(2, 0), (2, COLUMNS - 1)]), 0.0)
