@@ -116,10 +116,8 @@ class Modalities:
         return [(name, self._converters[name]) for name in readings if name != FORCE]
 
 
-def force_of(readings: Any) -> Any:
-    """Return the readings of force: those in a mapping, or what is no mapping."""
-    if not isinstance(readings, Mapping):
-        return readings
+def force_of(readings: Mapping[Any, Any]) -> Any:
+    """Return the readings of force in a mapping."""
     if FORCE not in readings:
         listed = ", ".join(map(str, readings)) or "nothing"
         raise InvalidReading(f"the mapping has no reading of {FORCE}; it has {listed}", flag="wrong_type")

@@ -30,8 +30,6 @@ def taxel_readings(
 ) -> tuple[Array, bool]:
     """Return the readings of the taxels, NaN where they are masked, and whether they are whole numbers."""
     must = f"a {name} must be {'rows' if dimensions == (2,) else 'one row'} of real numbers"
-    if isinstance(given, Mapping):
-        raise InvalidReading(f"{must}; this one is a mapping. Pass the readings of force alone", flag="wrong_type")
     readings = numbers_of(given, dimensions, "uif", must)
     if readings.shape[-1] < length:
         raise InvalidReading(
@@ -56,7 +54,10 @@ def numbers_of(given: Any, dimensions: tuple[int, ...], kinds: str, must: str) -
     if numbers.ndim not in dimensions or numbers.dtype.kind not in kinds:
         if numbers.shape == (0,) and 1 in dimensions:  # an empty list has real numbers
             return np.empty(0, np.int64)
-        raise InvalidReading(f"{must}; this one is {numbers.dtype} of shape {numbers.shape}", flag="wrong_type")
+        what = f"{numbers.dtype} of shape {numbers.shape}"
+        if isinstance(given, Mapping):
+            what = "a mapping. Pass the readings of force alone"
+        raise InvalidReading(f"{must}; this one is {what}", flag="wrong_type")
     return numbers
 
 
@@ -218,30 +219,27 @@ class Readings:
             raw = raw - self.noise.signed(self._creep.part)
         return self.drift.corrected(raw)
 
-    def without_creep(self, rows: Array, times: Array | None) -> Array:
-        """Return many readings (T, n) without creep."""
-        noise, creep = self.noise, copy(self._creep)
-        if noise is None or creep is None:
-            return rows
-        found = rows.astype(float)
-        for row, time in zip(found, (times if times is not None else np.full(len(rows), np.nan)).tolist()):
-            row -= noise.signed(creep.part)
-            signed = self.valid(noise.signed(row))
-            if np.isfinite(signed).any():
-                creep.add(signed - noise.free, time)
+    def followed(self, rows: Array, times: Array, valid: BoolArray, fresh: BoolArray) -> Array:
+        """Return the readings (T, n) of a log without creep and drift, as in frames one after another.
+
+        Rows without a ``valid`` reading (T, n) stay; before ``fresh`` ones (T,) time jumped. These readings stay.
+        """
+        then, found = copy(self), rows.astype(float)
+        then.drift, then._creep = copy(self.drift), copy(self._creep)
+        then.drift.drop_block()
+        complete, seconds = valid.all(axis=1), times.tolist()
+        for k in valid.any(axis=1).nonzero()[0].tolist():
+            if fresh[k]:
+                then.drift.drop_block()
+            raw = found[k].copy()
+            found[k] = then.corrected(raw)
+            then.follow(raw, bool(complete[k]), seconds[k])
         return found
 
     def valid(self, signed: Array) -> Array:
         """Return signed readings (..., n), NaN for defective taxels and invalid readings: what the drift uses."""
         assert self.noise is not None
         return np.where((np.abs(signed) < MAX_READING) & self.alive & ~self.noise.dead, signed, np.nan)
-
-    def are_valid(self, rows: Array) -> bool:
-        """Return whether :meth:`valid` changes nothing in readings (T, n) of any real data type."""
-        assert self.noise is not None
-        if self.noise.has_dead or not self.alive.all() or not rows.size:
-            return False
-        return bool(rows.min() > -MAX_READING and rows.max() < MAX_READING)
 
     def flags(self, raw: Array, known: BoolArray) -> frozenset[str]:
         """Return ``not_finite`` and ``too_large`` if live taxels that are not masked have such readings (n,)."""

@@ -289,8 +289,9 @@ class Skin:
         time : float
             Of the reading [s].
         """
-        others = readings if isinstance(readings, Mapping) else None
-        return self._read(lambda: self._readings.intensities(force_of(readings)), others, time)
+        if isinstance(readings, Mapping):
+            return self._read(lambda: self._readings.intensities(force_of(readings)), readings, time)
+        return self._read(lambda: self._readings.intensities(readings), None, time)
 
     def update_events(
         self, indices: Any, values: Any, time: float, modalities: Mapping[str, Any] | None = None
@@ -411,7 +412,7 @@ class Skin:
         ValueError
             If there is not one time for each row.
         """
-        rows = self._readings.rows(force_of(readings))
+        rows = self._readings.rows(force_of(readings) if isinstance(readings, Mapping) else readings)
         modalities = {}
         if isinstance(readings, Mapping):
             modalities = self._modalities.batch(readings, self._readings.alive, len(rows))
