@@ -15,8 +15,8 @@ from skin_calib_addon.runtime.geometry import neighbour_table
 from skin_calib_addon.runtime.touched import states, switched
 from tests.examples import slow
 from tests.oracles import components as flood_fill
-from tests.samples import cylinder, plane, small_calibration
-from tests.soles import skin_of, sole_patch
+from tests.samples import cylinder, small_calibration
+from tests.soles import counting_sole, skin_of, sole_patch
 
 ROWS = 300
 
@@ -43,10 +43,7 @@ def limb():
 
 def with_noise(**options):
     """Return a sole that has learned its noise."""
-    calibration = small_calibration(
-        link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=Response((0.0, 0.2))
-    )
-    skin = Skin(calibration, **options)
+    skin = counting_sole(**options)
     skin.tare(np.clip(np.rint(np.random.default_rng(0).normal(1, 2, (250, 42))), 0, 4095))
     return skin
 

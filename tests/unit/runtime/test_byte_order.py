@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from skin_calib_addon.calibration import Response
-from skin_calib_addon.runtime import Skin
 from tests.examples import slow
-from tests.samples import plane, small_calibration
-from tests.soles import sole_patch
+from tests.soles import counting_sole
 
 N = 42
 
@@ -15,9 +13,7 @@ N = 42
 def sole(bits, has_range=False, **options):
     """Return a sole whose converter has some bits."""
     top = 2.0**bits - 1
-    response = Response((0.0, 800 / top), (0.0, top) if has_range else None)
-    calibration = small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response)
-    return Skin(calibration, **options)
+    return counting_sole(Response((0.0, 800 / top), (0.0, top) if has_range else None), **options)
 
 
 def signal(rng, bits, noise, offset, load, frames, period):

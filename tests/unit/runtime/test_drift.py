@@ -5,10 +5,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skin_calib_addon.calibration import Response
-from skin_calib_addon.runtime import Skin
 from skin_calib_addon.runtime.noise import TRACKING_TIME
-from tests.samples import plane, small_calibration
-from tests.soles import sole_patch
+from tests.soles import counting_sole, sole_patch
 
 N = 42
 NEWTONS = 0.2  # of a count
@@ -24,9 +22,7 @@ def read(rng, newtons):
 
 def rested(rng, **options):
     """Return a sole that has learned its noise."""
-    response = Response((0.0, NEWTONS))
-    patches, surfaces = (sole_patch(),), (plane(),)
-    skin = Skin(small_calibration(link="sole", patches=patches, surfaces=surfaces, response=response), **options)
+    skin = counting_sole(**options)
     skin.tare(read(rng, np.zeros((250, N))))
     return skin
 
@@ -198,9 +194,7 @@ def test_creep_of_a_falling_response_is_that_of_a_rising_one():
         response = (
             Response((0.0, NEWTONS), (0.0, 4095.0)) if sign > 0 else Response((4095 * NEWTONS, -NEWTONS), (0.0, 4095.0))
         )
-        patches, surfaces = (sole_patch(),), (plane(),)
-        calibration = small_calibration(link="sole", patches=patches, surfaces=surfaces, response=response)
-        skin = Skin(calibration, creep=(0.3, 2.0))
+        skin = counting_sole(response, creep=(0.3, 2.0))
         skin.tare(rest if sign > 0 else 4095 - rest)
         rows = readings if sign > 0 else 4095 - readings
         loads.append([skin.update(row, PERIOD * k).load for k, row in enumerate(rows)])

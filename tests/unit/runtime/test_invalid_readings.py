@@ -14,10 +14,8 @@ from hypothesis.extra import numpy as hnp
 
 from skin_calib_addon.calibration import Response, ResponseTable, TaxelResponses
 from skin_calib_addon.common.errors import InvalidReading, UnknownTaxel
-from skin_calib_addon.runtime import Skin
 from skin_calib_addon.runtime.clock import Clock
-from tests.samples import plane, small_calibration
-from tests.soles import skin_of, sole_patch
+from tests.soles import counting_sole, skin_of, sole_patch
 
 N = 42
 FLAGS = {"wrong_type", "wrong_length", "not_finite", "too_large", "blind", "saturated", "stuck"}
@@ -65,7 +63,7 @@ def test_taxel_stays_active_over_an_invalid_reading():
 def test_saturated_taxel_is_counted_and_flagged():
     """Its force is the lower limit of the true one."""
     response = Response((0.0, 0.1), (0.0, 1000.0))
-    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response), 0.2)
+    skin = counting_sole(response, switch_on=0.2)
     reading = np.zeros(N)
     reading[5] = 4000
     frame = skin.update(reading, 0.0)
@@ -76,7 +74,7 @@ def test_saturated_taxel_is_counted_and_flagged():
 def test_saturation_counts_the_baseline():
     """A sensor that reads 300 too high at rest is saturated 300 later, and one that reads too low earlier."""
     response = Response((0.0, 0.1), (0.0, 1000.0))
-    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response), 0.2)
+    skin = counting_sole(response, switch_on=0.2)
     offsets = np.zeros(N)
     offsets[5], offsets[6] = 300.0, -300.0
     skin.tare(offsets)
@@ -134,7 +132,7 @@ def test_baseline_removes_the_offsets():
     rng = np.random.default_rng(1)
     offset = rng.uniform(-3, 3, N)
     for response in (Response((0.0, 0.1, 0.002)), ResponseTable((0.0, 100.0, 255.0), (30.0, 4.0, 0.0))):
-        skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response))
+        skin = counting_sole(response)
         skin.tare(np.stack((response.rest + offset - 1, response.rest + offset + 1)))
         assert np.abs(skin.forces(response.rest + offset)).max() < 1e-9
         expected = TaxelResponses([response], np.zeros(N, int)).forces(np.full(N, 40.0))
@@ -364,7 +362,7 @@ def test_force_that_no_skin_can_bear_is_left_out(side, most):
 def test_range_of_a_response_states_what_the_skin_can_bear():
     """A response that was measured up to 9 kN has forces up to 9 kN."""
     response = Response((0.0, 1.0), (0.0, 9000.0))
-    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response), 0.2)
+    skin = counting_sole(response, switch_on=0.2)
     frame = skin.update(np.full(N, 8990.0), 0.0)
     assert frame.flags == frozenset() and frame.known.all()
 
@@ -372,7 +370,7 @@ def test_range_of_a_response_states_what_the_skin_can_bear():
 @pytest.mark.parametrize("response", [Response((0.0, 0.2)), ResponseTable((0.0, 100.0, 255.0), (30.0, 4.0, 0.0))])
 def test_reading_far_below_rest_is_a_fault_without_noise_too(response):
     """A reading as far below rest as 98 N is above it: flagged without any knowledge of the noise, and for a second."""
-    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response))
+    skin = counting_sole(response)
     sign = -1 if response.rest else 1
     for time, below, is_fault in ((0.0, 4, False), (0.1, 490, True), (0.2, 0, True), (1.0, 0, True), (1.2, 0, False)):
         reading = np.full(N, response.rest)
@@ -398,7 +396,7 @@ def test_fault_that_shows_in_some_frames_stays_reported():
 def test_readings_too_large_to_square_are_no_rest():
     """A response with a range accepts every finite reading; the variance of such a one overflows."""
     response = Response((0.0, 0.01), (0.0, 4095.0))
-    skin = Skin(small_calibration(patches=(sole_patch(),), surfaces=(plane(),), response=response))
+    skin = counting_sole(response)
     reading = np.full(N, 2.0)
     reading[3] = 1e200
     frames = [skin.update(reading + k % 2, 0.01 * k) for k in range(100)]

@@ -5,27 +5,15 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import norm, t
 
-from skin_calib_addon.calibration import Response
-from skin_calib_addon.runtime import Skin
 from skin_calib_addon.runtime.rest import is_rest
-from tests.samples import plane, small_calibration
-from tests.soles import sole_patch
+from tests.soles import counting_sole
 
 N, FRAMES, NOISE = 42, 250, 4.0
 
 
-def sole():
-    """A sole at default settings, 0.2 N for each count."""
-    response = Response((0.0, 0.2))
-    return Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response))
-
-
-def at_rest(correlation=0.0):
-    """Readings without contact; the correlation is that of successive ones."""
-    rows = np.random.default_rng(0).normal(size=(FRAMES, N))
-    for k in range(1, FRAMES):
-        rows[k] = correlation * rows[k - 1] + (1 - correlation**2) ** 0.5 * rows[k]
-    return NOISE * rows
+def at_rest():
+    """Readings without contact."""
+    return NOISE * np.random.default_rng(0).normal(size=(FRAMES, N))
 
 
 def rests(rows):
@@ -52,7 +40,7 @@ def test_rest_is_the_same_in_both_halves(sigmas, is_rest):
 
 def learned_from(rows):
     """The noise after a tare with these readings (frames, N)."""
-    skin = sole()
+    skin = counting_sole()
     skin.tare(rows)
     return skin.noise
 

@@ -12,19 +12,12 @@ from skin_calib_addon.runtime import Skin, convex_hull
 from skin_calib_addon.runtime.noise import joint_quantile, student
 from tests.examples import slow
 from tests.samples import plane, sheet, small_calibration
+from tests.soles import counting_sole as sole
 from tests.soles import sole_patch
 
 N = 42
 NEWTONS = 0.2  # of a count
 FREE = np.zeros(N)
-
-
-def sole(response=None, **options):
-    """Return a sole at default settings; its readings are counts."""
-    response = response or Response((0.0, NEWTONS))
-    return Skin(
-        small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response), **options
-    )
 
 
 def read(rng, newtons, noise=2.0, frames=1, offset=0.0, low=0):
