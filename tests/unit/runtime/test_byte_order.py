@@ -86,9 +86,9 @@ def test_correct_order_is_not_flagged(shift, period):
     rng = np.random.default_rng(4)
     bits = 16 - shift
     for load in (0.0, 0.4):
-        counts = signal(rng, bits, 2.0, 3, load, 300, period)
+        counts = signal(rng, bits, 2.0, 3, load, 120, period)
         for frames in (counts, counts << shift, counts.astype(np.int16) - 3):
             assert flagged_after(sole(16), frames, period) is None
-    jumps = np.where(rng.random((300, N)) < 0.5, 0, rng.integers(0, 2**bits, (300, N)))
-    for frames in (jumps, jumps << shift, np.where(jumps > 0, 256, 0), rng.normal(size=(300, N))):
+    jumps = np.where(rng.random((120, N)) < 0.5, 0, rng.integers(0, 2**bits, (120, N)))
+    for frames in (jumps, jumps << shift, np.where(jumps > 0, 256, 0), rng.normal(size=(120, N))):
         assert flagged_after(sole(16), frames, period) is None

@@ -145,6 +145,17 @@ def test_broken_taxel_does_not_keep_the_others():
     assert_allclose(others.mean(), 0.3 - 0.3 / 60 * TRACKING_TIME, atol=0.03)
 
 
+def test_neighbours_of_a_taxel_that_is_possibly_touched_are_not_free():
+    """A weak contact of three standard deviations that spreads over its neighbours, with half of one each, stays."""
+    rng = np.random.default_rng(12)
+    skin = rested(rng)
+    near = skin.geometry.neighbours[:, 20]
+    forces = np.zeros((round(2 * TRACKING_TIME / PERIOD), N))
+    forces[:, 20], forces[:, near] = 3 * SIGMA, 0.5 * SIGMA
+    frames_of(skin, rng, forces)
+    assert len(near) == 6 and np.abs(skin.drift[near]).mean() * NEWTONS < 0.1 * SIGMA
+
+
 def test_frozen_bus_teaches_nothing():
     """The same readings again and again are no rest."""
     rng = np.random.default_rng(7)
