@@ -50,14 +50,19 @@ def test_invalid_taxels_are_not_without_contact(broken):
     assert free.flags == frozenset() and free.touched is False and (free.wrench == 0).all()
 
 
-def test_taxel_stays_active_over_an_invalid_reading():
+@pytest.mark.parametrize("has_noise", [False, True])
+def test_taxel_stays_active_over_an_invalid_reading(has_noise):
     """A taxel keeps its hysteresis over an invalid reading: it was active, and is active with the next valid one."""
-    skin = sole()
-    skin.update(pressed_everywhere(), 0.0)
-    invalid = pressed_everywhere(0.15)
+    skin, weak = sole(), pressed_everywhere(0.15)
+    if has_noise:
+        skin = counting_sole()
+        skin.tare(100 + np.rint(4 * np.random.default_rng(0).normal(size=(250, N))))
+        weak = skin.noise.mean + 2 * skin.noise.sigma
+    skin.update(weak + 100, 0.0)
+    invalid = weak.copy()
     invalid[3] = np.nan
     assert not skin.update(invalid, 0.01).active[3]
-    assert skin.update(pressed_everywhere(0.15), 0.02).active[3]
+    assert skin.update(weak, 0.02).active[3]
 
 
 def test_saturated_taxel_is_counted_and_flagged():
