@@ -206,31 +206,10 @@ def is_inside(point, loops):
     return crossings % 2 == 1
 
 
-def edges_of(loops):
-    """Return all edges of loops, one after the other, shape (e, 2, 2)."""
-    return np.array([edge for loop in loops for edge in zip(loop, np.roll(loop, -1, axis=0))])
-
-
 def points_on(loop, count):
     """Return a number of points on each edge of a loop, including its corners."""
     fraction = np.arange(count)[:, None] / count
     return np.concatenate([a + fraction * (b - a) for a, b in zip(loop, np.roll(loop, -1, axis=0))])
-
-
-def depth_in(point, outline):
-    """Return the depth of a point in a convex outline; outside, the negative distance to the outline."""
-    sides = list(zip(outline, np.roll(outline, -1, axis=0)))
-    gap = min(np.linalg.norm(point - nearest_on_segment(point, a, b)) for a, b in sides)
-    left = [(b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0]) for a, b in sides]
-    return gap if min(left) >= 0 else -gap
-
-
-def clearance_of(outline, loops, count):
-    """Return the signed clearance of one board in loops: of its corners, and of points on the edges of the loops."""
-    edges = edges_of(loops)
-    apart = [min(np.linalg.norm(corner - nearest_on_segment(corner, *edge)) for edge in edges) for corner in outline]
-    corners = [gap if is_inside(corner, loops) else -gap for corner, gap in zip(outline, apart)]
-    return min(*corners, *(-depth_in(point, outline) for loop in loops for point in points_on(loop, count)))
 
 
 def boards_inside(centres, corners, edges):

@@ -62,13 +62,6 @@ def sheet(height, size=(0.1, 0.08), cells=(20, 16)):
     return weld(np.column_stack((x, y, height(x, y))), faces)
 
 
-def grid_of_faces(rows, columns):
-    """Return the faces (f, 3) between the points of a grid, row by row."""
-    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
-    halves = (corner, corner + columns, corner + columns + 1), (corner, corner + columns + 1, corner + 1)
-    return np.concatenate([np.stack(half, axis=1) for half in halves])
-
-
 def dome():
     """Return a sheet bent upwards at the centre; normals point up."""
     return sheet(lambda x, y: 0.02 - 2 * ((x - 0.05) ** 2 + (y - 0.04) ** 2))

@@ -56,3 +56,10 @@ def skin_of(*patches, newtons=(0.0, 1.0), link="left_sole", **options):
     options = {"switch_on": 0.2, "switch_off": 0.1} | options
     calibration = small_calibration(link=link, patches=patches, surfaces=(plane(),), response=Response(newtons))
     return Skin(calibration, **options)
+
+
+def counting_sole(response=None, **options):
+    """Return a sole at default settings whose readings are counts of 0.2 N."""
+    response = response or Response((0.0, 0.2))
+    calibration = small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response)
+    return Skin(calibration, **options)

@@ -165,3 +165,8 @@ class LinkCalibration:
     responses: tuple[AnyResponse, ...] = ()  # of single taxels, see `TaxelArray.responses`
     warnings: tuple[Warning, ...] = ()  # of fit and placement
     modalities: tuple[Modality, ...] = ()  # further quantities that taxels measure
+
+    @property
+    def taxel_count(self) -> int:
+        """Number of taxels of all patches."""
+        return sum(len(patch.taxels.ids) for patch in self.patches)

@@ -92,6 +92,15 @@ def load_links(path: str | os.PathLike[str]) -> tuple[dict[str, LinkCalibration]
     )
 
 
+def examined(
+    path: str | os.PathLike[str],
+) -> tuple[RobotSet, Path, dict[str, LinkCalibration], tuple[Finding, ...]]:
+    """Return a robot set, its folder, the calibrations that can be read, and all problems of links and folder."""
+    robot, folder = load_robot_set(path), robot_file(path).parent
+    calibrations, findings = calibrations_of(robot, folder)
+    return robot, folder, calibrations, (*findings, *unlisted(robot, folder))
+
+
 def calibrations_of(robot: RobotSet, folder: Path) -> tuple[dict[str, LinkCalibration], tuple[Finding, ...]]:
     """Return the calibrations that can be read, by the name of the link, and all problems."""
     calibrations: dict[str, LinkCalibration] = {}

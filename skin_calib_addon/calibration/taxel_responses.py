@@ -9,8 +9,6 @@ from ..common.arrays import Array, BoolArray, IntArray
 from .model import LinkCalibration
 from .response import AnyResponse, Response, ResponseTable, nonnegative
 
-ALL = slice(None)  # the rows of all taxels
-
 
 class TaxelResponses:
     """Responses of many taxels, applied to all readings at once.
@@ -70,25 +68,6 @@ class TaxelResponses:
                 forces[..., self._rows] = self._tables.forces(readings[..., self._rows])
             return nonnegative(forces)
 
-    def forces_at(self, rows: IntArray, intensity: Array) -> Array:
-        """Return the forces (k,) [N] of readings of some taxels, equal to those of :meth:`forces` to the bit.
-
-        Parameters
-        ----------
-        rows : array, shape (k,)
-            Of the taxels.
-        intensity : array, shape (k,)
-            Their readings.
-        """
-        with np.errstate(all="ignore"):
-            forces = self._polynomials.forces(intensity, rows)
-            if self._tables is not None:
-                of_table = np.searchsorted(self._rows, rows)
-                of_table[of_table == len(self._rows)] = 0
-                is_table = self._rows[of_table] == rows
-                forces[is_table] = self._tables.forces(intensity[is_table], of_table[is_table])
-            return nonnegative(forces)
-
     def saturated(self, intensity: Any) -> BoolArray:
         """Return whether readings (n,) are at or beyond ``full``, where the true force may be larger."""
         signed = np.asarray(intensity, float) * self.sign
@@ -110,13 +89,12 @@ class _Polynomials:
         self._low, self._high = np.take(ranges.T, index, axis=1)
         self._clamps = bool(np.isfinite(ranges).any())
 
-    def forces(self, readings: Array, rows: IntArray | slice = ALL) -> Array:
-        coefficients = self._coefficients if rows is ALL else [c[rows] for c in self._coefficients]
-        first, second, *others = coefficients
+    def forces(self, readings: Array) -> Array:
+        first, second, *others = self._coefficients
         if self._clamps:
             invalid = readings - readings  # NaN for a reading that is not finite, which the clamping would hide
-            readings = np.maximum(readings, self._low[rows])
-            np.minimum(readings, self._high[rows], out=readings)
+            readings = np.maximum(readings, self._low)
+            np.minimum(readings, self._high, out=readings)
             readings += invalid
         forces = readings * first
         forces += second
@@ -141,12 +119,12 @@ class _Tables:
         )
         self._forces = np.concatenate([t.forces for t in tables])
 
-    def forces(self, readings: Array, rows: IntArray | slice = ALL) -> Array:
+    def forces(self, readings: Array) -> Array:
         invalid = readings * 0.0
-        fraction = readings - self._low[rows]
-        fraction /= self._width[rows]
+        fraction = readings - self._low
+        fraction /= self._width
         np.maximum(fraction, 0.0, out=fraction)
         np.minimum(fraction, 1.0, out=fraction)
-        fraction += self._shift[rows]
+        fraction += self._shift
         fraction += invalid
         return np.interp(fraction, self._knots, self._forces)

@@ -102,9 +102,8 @@ def _check_folder(folder: Path) -> None:
 
 def _robot_findings(path: Path) -> Iterator[Finding]:
     """Yield the problems of the links of a robot together, and those of its URDF."""
-    robot, folder = robot_set.load_robot_set(path), path.parent
-    yield from robot_set.calibrations_of(robot, folder)[1]
-    yield from robot_set.unlisted(robot, folder)
+    robot, folder, _, findings = robot_set.examined(path)
+    yield from findings
     of_urdf = tuple(robot_set.changed_urdf(robot, folder))
     yield from of_urdf
     if robot.urdf and not any(finding.code == "no-urdf" for finding in of_urdf):

@@ -49,15 +49,21 @@ def check_target(target: Path | None, *others: Path | None) -> None:
             raise OutputError(f"{target} would replace {other}, which the same call uses. Choose another file.")
 
 
-def check_kept(file: Path, *targets: Path | None) -> None:
-    """Check that no output file of a call replaces what a file of the call names."""
-    for target in targets:
-        if target is None or not os.path.isfile(target):
-            continue
-        from ..pipeline.sources import names_file  # it can read meshes and plans
+def check_outputs(options: argparse.Namespace, *inputs: Path | None, replaces: Path | None = None) -> None:
+    """Check ``--output`` and ``--picture`` of a call before any computation.
 
-        if names_file(file, target):
-            raise OutputError(f"{target} would replace a file that {file} names. Choose another file.")
+    They replace no input, except that the output may replace ``replaces``, and nothing that the first input names.
+    """
+    output, picture = getattr(options, "output", None), getattr(options, "picture", None)
+    check_target(output, *(path for path in inputs if path != replaces))
+    check_target(picture, *inputs, output)
+    for target in (output, picture):
+        if inputs[0] is not None and target is not None and os.path.isfile(target):
+            from ..pipeline.sources import names_file  # it can read meshes and plans
+
+            if names_file(inputs[0], target):
+                raise OutputError(f"{target} would replace a file that {inputs[0]} names. Choose another file.")
+    check_picture(picture)
 
 
 def check_picture(target: Path | None) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from ..calibration.exchange import FORMATS, WRITABLE, listed, only_patches
 from ..calibration.file import load_calibration
 from ..calibration.model import LinkCalibration
-from ..calibration.robot_set import FILE, calibrations_of, changed_urdf, is_robot, load_robot_set, robot_file, unlisted
+from ..calibration.robot_set import FILE, changed_urdf, examined, is_robot, robot_file
 from ..common.atomic_file import check_writable, make_folder, write_bytes_safely
 from ..common.errors import OutputError, SkinCalibError, counted
 from ..common.warnings import worst_first
@@ -18,7 +18,7 @@ from .common import (
     DONE,
     FIT_WITH_URDF,
     WRONG_DATA,
-    check_kept,
+    check_outputs,
     check_target,
     complain,
     file_name,
@@ -43,8 +43,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    check_target(options.output, options.file)
-    check_kept(options.file, options.output)
+    check_outputs(options, options.file)
     check_writable(options.output)
     if is_robot(options.file):
         return _export_robot(options)
@@ -54,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     write_bytes_safely(options.output, format.write(calibration))
     for line in _of_fit(calibration):
         complain(line)
-    taxels, patches = sum(len(patch.taxels.ids) for patch in calibration.patches), len(calibration.patches)
+    taxels, patches = calibration.taxel_count, len(calibration.patches)
     say(f"{options.output}: {format.what}, {taxels} taxels in {patches} patches; ids in the file: {format.labels}")
     return DONE
 
@@ -63,12 +62,9 @@ def _export_robot(options: argparse.Namespace) -> int:
     """Write the model of a robot with all skins, and its meshes to a folder next to it."""
     if options.to != ROBOT_FORMAT or options.patch:
         raise OutputError(f"A robot is exported as {ROBOT_FORMAT}, with all patches. For others, name a calibration.")
-    robot = load_robot_set(options.file)
-    folder = robot_file(options.file).parent
+    robot, folder, calibrations, findings = examined(options.file)
     if robot.urdf is None:
         raise SkinCalibError(f"{FILE} names no URDF. {FIT_WITH_URDF}")
-    calibrations, findings = calibrations_of(robot, folder)
-    findings += tuple(unlisted(robot, folder))
     problems = [f"{FILE}: {finding}" for finding in findings if finding.severity == "error"]
     outdated = [f"{FILE}: {finding}" for finding in changed_urdf(robot, folder)]
     urdf = folder / robot.urdf.file
@@ -87,7 +83,7 @@ def _export_robot(options: argparse.Namespace) -> int:
         write_bytes_safely(mesh_folder / name, data)
     write_bytes_safely(options.output, model.text)
     known = [calibration for link, calibration in calibrations.items() if link in content.links]
-    taxels = sum(len(patch.taxels.ids) for calibration in known for patch in calibration.patches)
+    taxels = sum(calibration.taxel_count for calibration in known)
     say(
         f"{options.output}: {robot.robot} with {counted(taxels, 'taxel')} on {counted(len(known), 'link')}; "
         f"{len(model.meshes)} mesh files in {mesh_folder.name}; sensors are named LINK/ID"

@@ -149,14 +149,13 @@ def _targets(options: argparse.Namespace, links: Links) -> tuple[Path, Path | No
     """Check and return the paths of calibrations, pictures and reports; create those that have to be folders."""
     given = [options.output, options.picture, options.report]
     output, picture, report = paths = [None if text is None else Path(text) for text in given]
-    inputs = (*links.files, links.urdf)
     for k, path in enumerate(paths):
-        check_target(path, *inputs, *paths[:k])
-    with_slash = {Path(text) for text in given if text and names_folder(text)}
+        check_target(path, *links.files, links.urdf, *paths[:k])
     has_folder = (
         options.propose or len(options.plans) > 1 or any(os.path.isdir(path) or is_urdf(path) for path in options.plans)
     )
-    folders = _folders([path for path in paths if path is not None], with_slash, has_folder, len(links.plans))
+    targets = [(path, names_folder(text)) for path, text in zip(paths, given) if path is not None]
+    folders = [path for path, has_slash in targets if _is_folder(path, has_slash, has_folder, len(links.plans))]
     check_picture(None if picture in folders else picture)
     twice = [name for name, count in Counter(links.names).items() if count > 1]
     if twice:
@@ -206,18 +205,16 @@ def _plan_files(named: Iterable[Path]) -> tuple[list[Path], Path | None]:
     return list(unique.values()), robots[0] if robots else None
 
 
-def _folders(targets: list[Path], with_slash: set[Path], has_folder: bool, links: int) -> list[Path]:
-    """Return the targets that are folders, or will be."""
-    folders = [path for path in targets if os.path.isdir(path)]
-    for path in targets:
-        needs_folder = links > 1 or path in with_slash or (has_folder and not path.suffix)
-        if path in folders or not needs_folder:
-            continue
-        if os.path.lexists(path) or (path.suffix and path not in with_slash):
-            why = f"{links} links need one" if links > 1 else "this call needs one"
-            raise OutputError(f"{path} is not a folder; {why}. Create it, or choose an existing folder.")
-        folders.append(path)
-    return folders
+def _is_folder(path: Path, has_slash: bool, has_folder: bool, links: int) -> bool:
+    """Return whether a target is a folder, or will be; an error if it has to be one and cannot."""
+    if os.path.isdir(path):
+        return True
+    if not (links > 1 or has_slash or (has_folder and not path.suffix)):
+        return False
+    if os.path.lexists(path) or (path.suffix and not has_slash):
+        why = f"{links} links need one" if links > 1 else "this call needs one"
+        raise OutputError(f"{path} is not a folder; {why}. Create it, or choose an existing folder.")
+    return True
 
 
 def _carry_out(jobs: list[Job], processes: int) -> int:

@@ -119,7 +119,7 @@ def fit_one(job: Job) -> Outcome:
                 write_bytes_safely(job.report, (json.dumps(report_document(result), indent=2) + "\n").encode())
             calibration, mean, text = result.calibration, result.mean, summary(result, job.calibration)
         save_calibration(calibration, job.calibration)
-        taxels, found = sum(len(patch.taxels.ids) for patch in calibration.patches), calibration.warnings
+        taxels, found = calibration.taxel_count, calibration.warnings
         if source and job.folder:
             numbers = {"taxels": taxels, "mean": mean, "warnings": found}
             save_source(job.calibration, add_outputs(source, job.folder, job.outputs, **numbers))

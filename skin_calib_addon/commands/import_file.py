@@ -12,7 +12,7 @@ from ..pipeline import calibrate
 from ..pipeline.report import summary
 from ..plan import Plan, check_frame, check_plan, load_plan, plan_document, plan_from
 from ..skin.imported import placed
-from .common import DONE, check_kept, check_target, complain, file_name, named_path, say, warn
+from .common import DONE, check_outputs, complain, file_name, named_path, say, warn
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -45,9 +45,7 @@ def run(options: argparse.Namespace) -> int:
         options.refuse("--name needs --plan: it is the name of a patch of a calibration")
     if options.plan is None and options.output.suffix == ".json":
         options.refuse("a calibration needs the surface of a link: specify its --plan, or a table OUT.csv")
-    check_target(options.output, options.file, options.plan)
-    if options.plan is not None:
-        check_kept(options.plan, options.output)
+    check_outputs(options, options.plan, options.file)
     return _as_table(options) if options.plan is None else _on_link(options)
 
 

@@ -11,7 +11,7 @@ from ..common.errors import CalibrationFormatError
 from ..inspection.recording import frame_document, read_modalities, read_recording
 from ..runtime import Frame, Skin, load
 from ..runtime.modalities import FORCE
-from .common import DONE, check_kept, check_picture, check_target, complain, count, file_name, named_path, newtons, say
+from .common import DONE, check_outputs, complain, count, file_name, named_path, newtons, say
 
 LONG_STEP = 1.0  # between frames, above which the time may be in other units, such as nanoseconds [s]
 
@@ -47,10 +47,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    check_target(options.output, options.file, options.readings)
-    check_target(options.picture, options.file, options.readings, options.output)
-    check_kept(options.file, options.output, options.picture)
-    check_picture(options.picture)
+    check_outputs(options, options.file, options.readings)
     if options.off is not None and options.on is None:
         options.refuse("--off needs --on: a contact that ends by a threshold begins by one")
     if options.off is not None and options.off > options.on:

@@ -16,7 +16,7 @@ from ..calibration.response_fit import ResponseFit, fit_response
 from ..common.errors import CalibrationFormatError, UnderdeterminedFit
 from ..common.findings import did_you_mean, show
 from ..common.warnings import Place, Warning
-from .common import DONE, check_kept, check_picture, check_target, file_name, named_path, say, warn
+from .common import DONE, check_outputs, file_name, named_path, say, warn
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -37,10 +37,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    check_target(options.output, options.measurements)  # OUT may replace the calibration
-    check_target(options.picture, options.file, options.measurements, options.output)
-    check_kept(options.file, options.output, options.picture)
-    check_picture(options.picture)
+    check_outputs(options, options.file, options.measurements, replaces=options.file)
     calibration = load_calibration(options.file)
     ids = {name for patch in calibration.patches for name in patch.taxels.ids}
     modality = None if options.modality is None else _modality(calibration, options.modality, options.file)

@@ -6,16 +6,7 @@ from pathlib import Path
 
 from ..calibration.file import load_with_warnings
 from ..calibration.model import LinkCalibration
-from ..calibration.robot_set import (
-    FILE,
-    RobotSet,
-    calibrations_of,
-    changed_urdf,
-    is_robot,
-    load_robot_set,
-    robot_file,
-    unlisted,
-)
+from ..calibration.robot_set import FILE, RobotSet, changed_urdf, examined, is_robot
 from ..common.errors import counted
 from ..common.findings import show
 from ..pipeline.report import area_table, covered_area, robot_table, seen_area, table
@@ -26,9 +17,7 @@ from .common import (
     DONE,
     FIT_WITH_URDF,
     WRONG_DATA,
-    check_kept,
-    check_picture,
-    check_target,
+    check_outputs,
     complain,
     file_name,
     named_path,
@@ -44,9 +33,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    check_target(options.picture, options.file)
-    check_kept(options.file, options.picture)
-    check_picture(options.picture)
+    check_outputs(options, options.file)
     if is_robot(options.file):
         return _show_robot(options)
     calibration, warnings = load_with_warnings(options.file)
@@ -61,15 +48,13 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _show_robot(options: argparse.Namespace) -> int:
-    robot = load_robot_set(options.file)
-    calibrations, findings = calibrations_of(robot, robot_file(options.file).parent)
-    findings += tuple(unlisted(robot, robot_file(options.file).parent))
+    robot, folder, calibrations, findings = examined(options.file)
     say(robot_table(robot, calibrations))
     for finding in findings:
         complain(f"{FILE}: {finding}")
     complete = not any(finding.severity == "error" for finding in findings)
     if options.picture:
-        complete &= _draw_robot(robot, robot_file(options.file).parent, calibrations, options.picture)
+        complete &= _draw_robot(robot, folder, calibrations, options.picture)
     return DONE if complete else WRONG_DATA
 
 
@@ -93,7 +78,7 @@ def _draw_robot(robot: RobotSet, folder: Path, calibrations: Mapping[str, LinkCa
     known = {link: calibration for link, calibration in calibrations.items() if link in poses}
     covered = {link: covered_area(calibration) for link, calibration in known.items()}
     say(area_table({link: (covered.get(link, 0.0), seen_area(mesh)) for link, mesh in meshes.items()}))
-    taxels, area = sum(len(p.taxels.ids) for c in known.values() for p in c.patches), sum(covered.values())
+    taxels, area = sum(found.taxel_count for found in known.values()), sum(covered.values())
     title = f"{robot.robot}: skin on {len(known)} of {counted(len(content.links), 'link')}, {counted(taxels, 'taxel')}"
     title += f", {area * 1e4:.0f} cm²"
     draw_robot(meshes, poses, known, title, picture)

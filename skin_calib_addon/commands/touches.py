@@ -4,7 +4,6 @@ import argparse
 from pathlib import Path
 
 from ..calibration.file import load_calibration
-from ..calibration.model import LinkCalibration
 from ..common.errors import InvalidPlan
 from ..common.strict_json import parse, read
 from ..pipeline import calibrate
@@ -12,7 +11,7 @@ from ..pipeline.refine import refine
 from ..pipeline.touch_distance import check_touches
 from ..plan import FORMAT, load_plan, named_from, save_plan
 from ..validation import Placement, placements, read_touches, summarize
-from .common import DONE, check_kept, check_picture, check_target, file_name, named_path, say, warn
+from .common import DONE, check_outputs, file_name, named_path, say, warn
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -33,10 +32,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     if options.refine != (options.output is not None):
         options.refuse("--refine and -o OUT belong together: specify both or neither")
-    check_target(options.output, options.touches)  # OUT may replace the plan
-    check_target(options.picture, options.file, options.touches, options.output)
-    check_kept(options.file, options.output, options.picture)
-    check_picture(options.picture)
+    check_outputs(options, options.file, options.touches, replaces=options.file)
     is_plan = _is_plan(options.file)
     if options.refine and not is_plan:
         raise InvalidPlan(
@@ -48,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
     touches = read_touches(options.touches, calibration)
     check_touches(calibration, touches)
     found = placements(calibration, touches)
-    say(f"link             {calibration.link}, {_count(calibration)} taxels")
+    say(f"link             {calibration.link}, {calibration.taxel_count} taxels")
     say(f"touches          {len(touches.taxels)}, of {len(set(touches.taxels))} taxels")
     _report(found)
     of_fit = result.warnings if result else ()
@@ -70,10 +66,6 @@ def run(options: argparse.Namespace) -> int:
 def _is_plan(path: Path) -> bool:
     document, _ = parse(read(path))
     return isinstance(document, dict) and document.get("format") == FORMAT
-
-
-def _count(calibration: LinkCalibration) -> int:
-    return sum(len(patch.taxels.ids) for patch in calibration.patches)
 
 
 def _report(found: list[Placement]) -> None:

@@ -112,11 +112,6 @@ def ranges(first: IntArray | int, counts: IntArray) -> IntArray:
 MIN_DIRECTION_LENGTH = 1e-6
 
 
-def over_rows(rows: Array, matrix: Array) -> Array:
-    """Multiply rows (..., k) with a matrix (k, m) in one product; ``rows @ matrix`` takes one per leading index."""
-    return (rows.reshape(-1, rows.shape[-1]) @ matrix).reshape(*rows.shape[:-1], matrix.shape[1])
-
-
 def pairs_of(u: Array, v: Array) -> Array:
     """Return every pair (k * l, 2) of two lists of numbers, with the second one changing faster."""
     return np.column_stack((np.repeat(u, len(v)), np.tile(v, len(u))))

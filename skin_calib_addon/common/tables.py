@@ -17,7 +17,7 @@ class TableError(ValueError):
 
     def __init__(self, line: int, message: str):
         super().__init__(message)
-        self.line = line
+        self.line, self.place = line, f"line {line}"
 
 
 def read_rows(text: str) -> Iterator[tuple[int, list[str]]]:
@@ -46,12 +46,12 @@ def read_rows(text: str) -> Iterator[tuple[int, list[str]]]:
         raise TableError(last + 1, f"is not a row of a table: {problem}") from problem
 
 
-class CellError(ValueError):
+class CellError(TableError):
     """A cell of a table is invalid."""
 
     def __init__(self, line: int, column: int, message: str):
-        super().__init__(message)
-        self.line, self.column = line, column
+        super().__init__(line, message)
+        self.place += f", column {column}"
 
 
 @contextmanager
@@ -59,10 +59,8 @@ def naming_file(path: str | os.PathLike[str]) -> Iterator[None]:
     """Convert table errors to a CalibrationFormatError that names the file."""
     try:
         yield
-    except CellError as problem:
-        raise CalibrationFormatError(f"'{path}', line {problem.line}, column {problem.column}: {problem}") from problem
     except TableError as problem:
-        raise CalibrationFormatError(f"'{path}', line {problem.line}: {problem}") from problem
+        raise CalibrationFormatError(f"'{path}', {problem.place}: {problem}") from problem
 
 
 def read_named_rows(text: str) -> Iterator[tuple[int, list[str]]]:

@@ -51,17 +51,14 @@ def text_of(data: bytes, path: str | os.PathLike[str]) -> str:
     except DecodingError as problem:
         raise CalibrationFormatError(f"'{path}' {problem}") from problem
     text = text.replace("\r\n", "\n").replace("\r", "\n")
-    lines = text.count("\n") + 1
-    if lines > MAX_TEXT_LINES:
-        raise CalibrationFormatError(f"cannot read '{path}': its {lines} lines exceed the limit of {MAX_TEXT_LINES}.")
-    start = 0
-    for number in range(1, lines + 1):
-        stop = text.find("\n", start)
-        stop = len(text) if stop < 0 else stop
-        if stop - start > MAX_LINE_LENGTH:
-            message = f"line {number} of '{path}' has {stop - start} characters; the limit is {MAX_LINE_LENGTH}."
+    lines = text.split("\n")
+    if len(lines) > MAX_TEXT_LINES:
+        message = f"cannot read '{path}': its {len(lines)} lines exceed the limit of {MAX_TEXT_LINES}."
+        raise CalibrationFormatError(message)
+    for number, line in enumerate(lines, 1):
+        if len(line) > MAX_LINE_LENGTH:
+            message = f"line {number} of '{path}' has {len(line)} characters; the limit is {MAX_LINE_LENGTH}."
             raise CalibrationFormatError(message)
-        start = stop + 1
     return text
 
 

@@ -65,7 +65,7 @@ class AtRest:
         present = finite.any(axis=0)
         rows = rows[finite[:, present].all(axis=1)] * sign
         step = _step(rows[:, present], is_whole)
-        if len(rows) < MIN_FRAMES or step is None:
+        if len(rows) < MIN_FRAMES or step is None or not present.any():
             return None
         rows = np.where(present, rows, 0.0)
         mean, spread, clipped, is_constant = _normal(rows, step)

@@ -54,15 +54,23 @@ class Processor:
     def batch(self, rows: Array, times: Array | None) -> Batch:
         """Return the results of readings (T, n) of the taxels."""
         count, n = rows.shape
-        corrected = self._corrected(self.readings.without_creep(rows, times), times)
+        readings, is_log = self.readings, times is not None and self.readings.noise is not None
+        if times is not None and is_log:
+            valid = np.isfinite(readings.valid(rows))
+            rows = readings.followed(rows, times, valid, _fresh(times, valid.any(axis=1)))
+
+        def corrected(block: slice) -> Array:
+            found = rows[block].astype(float)
+            return found if is_log else readings.corrected(found)
+
         forces, known, active = np.zeros((count, n)), np.zeros((count, n), bool), np.zeros((count, n), bool)
         for block in _blocks(count, n):
-            forces[block], known[block] = self.readings.forces(corrected(block))
+            forces[block], known[block] = readings.forces(corrected(block))
         valid = known.any(axis=1) | (n == 0)
         fresh = None if times is None else _fresh(times, valid)
         before, sums, stands = np.zeros(n, bool), np.empty((count, 12)), np.zeros(count, bool)
         for block in _blocks(count, n):
-            evidence = self.evidence(self.readings.signed(corrected(block)), forces[block], known[block])
+            evidence = self.evidence(readings.signed(corrected(block)), forces[block], known[block])
             state = evidence.on
             if fresh is not None:
                 evidence.stays[fresh[block]] = False
@@ -77,30 +85,6 @@ class Processor:
         cop = cop_of(np.where(stands[:, None], sums, np.nan))
         zmp = zmp_of(np.where(stands[:, None] & (sums[:, 9:10] > 0), sums, np.nan))
         return Batch(forces, known, active, counts, wrench, load, stands, cop, zmp)
-
-    def _corrected(self, rows: Array, times: Array | None) -> Callable[[slice], Array]:
-        """Return a function that gives the readings of a block of rows (T, n), without the drift of its time."""
-        readings, noise, drift = self.readings, self.readings.noise, self.readings.drift
-        if noise is None or times is None:
-            return lambda block: drift.corrected(rows[block].astype(float))
-        is_clean = readings.are_valid(rows)
-
-        def signed(which: IntArray | slice) -> Array:
-            found = noise.signed(rows[which].astype(float))
-            return found if is_clean else readings.valid(found)
-
-        valid = np.full(len(rows), is_clean)
-        if not is_clean:
-            for block in _blocks(*rows.shape):
-                valid[block] = np.isfinite(signed(block)).any(axis=1)
-        usable = (valid & np.isfinite(times)).nonzero()[0]
-        drifts, starts = drift.along(noise, signed, usable, times[usable], _fresh(times, valid)[usable])
-        if len(starts) == 1 and drift.offset is None:
-            return lambda block: rows[block].astype(float)
-        number = np.zeros(len(rows), np.int64)
-        number[starts[1:]] = 1
-        number = np.cumsum(number)
-        return lambda block: rows[block].astype(float) - drifts[number[block]]
 
     def _sums(self, pushes: Array, active: BoolArray) -> Array:
         """Return the wrench and the sums of :attr:`.GroundGeometry.terms`, (T, 12)."""

@@ -6,8 +6,6 @@ baseline of free taxels moves to their mean with a large time constant.
 """
 
 import math
-from collections.abc import Callable
-from copy import copy
 
 import numpy as np
 
@@ -75,39 +73,6 @@ class Drift:
         if time - self._start >= BLOCK_TIME:
             self.end_block(noise, self._sum / self._count, self._peak, time)
             self.drop_block()
-
-    def along(
-        self, noise: Noise, signed: Callable[[IntArray], Array], rows: IntArray, times: Array, fresh: BoolArray
-    ) -> tuple[Array, IntArray]:
-        """Return the drifts (k, n) of the readings of a log, and from which row on each is in use (k,).
-
-        They are those of :meth:`add` in a loop that starts with an empty block. This object does not change.
-
-        Parameters
-        ----------
-        noise : Noise
-            Of the skin.
-        signed : callable
-            Returns the signed readings (m, n) of rows (m,), as :meth:`add` needs them.
-        rows, times, fresh : array, shape (m,)
-            Numbers of the frames that have a reading and a time, their times [s], and whether time jumped before them.
-        """
-        drift = copy(self)
-        nothing = np.zeros(len(noise.sign))
-        offsets, starts = [nothing if drift.offset is None else drift.offset], [0]
-        first, seconds = 0, times.tolist()
-        for k, (time, is_new) in enumerate(zip(seconds, fresh.tolist())):
-            if is_new:
-                first = k
-            if time - seconds[first] >= BLOCK_TIME:
-                block = signed(rows[first : k + 1])
-                before = drift.offset
-                drift.end_block(noise, block.sum(axis=0) / len(block), block.max(axis=0), time)
-                if drift.offset is not None and drift.offset is not before and k + 1 < len(rows):
-                    offsets.append(drift.offset)
-                    starts.append(int(rows[k + 1]))
-                first = k + 1
-        return np.array(offsets), np.array(starts)
 
     def end_block(self, noise: Noise, mean: Array, peak: Array, time: float) -> None:
         """Move the baseline of the free taxels, and look at their mean.

@@ -73,7 +73,7 @@ def supporting_polygon(
 ) -> SupportingPolygon:
     """Return the supporting polygons on the ground (thesis eq. 4.24)."""
     core = ground.sure_hull.hull(sure)
-    nominal = core if sure is active else ground.centre_hull.hull(active, ground.sure_hull)
+    nominal = core if sure is active else ground.centre_hull.hull(active)
     last_core, guaranteed = ground.last_eroded
     if core is not last_core:
         guaranteed = core.eroded(ground.cell)

@@ -34,7 +34,7 @@ class HullTable:
             raise ValueError("a point of a convex hull must be finite; check the coordinates for NaN and infinity")
         self.step = grid_step(size)
         whole = np.rint(points / self.step).astype(np.int64)
-        distinct, rank = _distinct(whole.reshape(-1, 2))
+        distinct, rank = np.unique(whole.reshape(-1, 2), axis=0, return_inverse=True)
         self._points: list[GridPoint] = list(map(tuple, distinct.tolist()))  # sorted; equal points are one
         self._rank = rank.reshape(points.shape[:2])
         self._heights = np.stack((-distinct[:, 1], distinct[:, 1]))  # for the lower and the upper half of a hull
@@ -56,39 +56,7 @@ class HullTable:
             return [self._points[k] for k in chosen.tolist()]
         low, high = (chosen[mask].tolist() for mask in _upper_candidates(self._heights.take(chosen, axis=1)))
         below, above = ([self._points[k] for k in half] for half in (low, high[::-1]))
-        return _hull_of_halves(below, above)
-
-    def changed(self, corners: list[GridPoint], removed: IntArray, added: IntArray) -> list[GridPoint] | None:
-        """Return the corners of a hull after a few rows have changed; None if a corner may be missing."""
-        if not self._points_of(removed).isdisjoint(corners):
-            return None
-        new = self._points_of(added)
-        if not new:
-            return corners
-        ordered = sorted(new.union(corners))
-        return _hull_of_halves(ordered, ordered[::-1])
-
-    def _points_of(self, rows: IntArray) -> set[GridPoint]:
-        return {self._points[k] for k in self._rank.take(rows, axis=0).ravel().tolist()}
-
-
-def _distinct(points: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the distinct points (m, 2), sorted by x and then y, and the row of each point (n,) among them.
-
-    The same as ``np.unique`` along the first axis, which takes three times as long for a few points.
-    """
-    order = np.lexsort((points[:, 1], points[:, 0]))
-    ordered = points[order]
-    is_new = np.ones(len(points), bool)
-    is_new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    rank = np.empty(len(points), np.intp)
-    rank[order] = np.cumsum(is_new) - 1
-    return ordered[is_new], rank
-
-
-def _hull_of_halves(below: list[GridPoint], above: list[GridPoint]) -> list[GridPoint]:
-    """Return a hull from candidates of its lower half, sorted forwards, and of its upper half, sorted backwards."""
-    return below if len(below) < 2 else _left_turns(below)[:-1] + _left_turns(above)[:-1]
+        return _left_turns(below)[:-1] + _left_turns(above)[:-1]
 
 
 def _upper_candidates(heights: IntArray) -> BoolArray:

@@ -26,9 +26,6 @@ UNDERFLOW_LIMIT = 1e-290
 # Rounding error of an area, relative to the area, from which on the area is computed with fractions: in very thin
 # polygons. Larger: less accurate areas; smaller: slower for thin polygons.
 MAX_ROUNDING_FRACTION = 1e-10
-# Changed rows up to which a hull is changed instead of being computed from all its points.
-# No effect on the result; larger or smaller: slower.
-MAX_CHANGED_ROWS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,19 +249,12 @@ class PolygonTable:
         self._corners: list[GridPoint] = []  # of the last hull
         self._polygon = EMPTY_POLYGON
 
-    def hull(self, which: BoolArray, similar: "PolygonTable | None" = None) -> Polygon:
-        """Return the convex hull of the points of some rows."""
-        similar = similar or self
-        changed = (which != similar._which).nonzero()[0]
-        corners = None
-        if len(changed) <= MAX_CHANGED_ROWS:
-            is_new = which[changed]
-            corners = self._table.changed(similar._corners, changed[~is_new], changed[is_new])
-        if corners is None:
-            corners = self._table.hull(which.nonzero()[0])
-        self._which = which
-        if corners != self._corners:
-            self._corners, self._polygon = corners, from_grid(corners, self._table.step)
+    def hull(self, which: BoolArray) -> Polygon:
+        """Return the convex hull of the points of some rows (n,)."""
+        if np.count_nonzero(which != self._which):
+            self._which, corners = which, self._table.hull(which.nonzero()[0])
+            if corners != self._corners:
+                self._corners, self._polygon = corners, from_grid(corners, self._table.step)
         return self._polygon
 
 

@@ -23,27 +23,14 @@ if TYPE_CHECKING:
 MAX_PRESSURE = 1e7
 # [N] A force up to it is possible on a taxel of any size: a sharp edge on small cells. Larger: as above.
 MIN_IMPOSSIBLE = 100.0
-# [taxels] Number of events, as a fraction of all taxels, up to which only their readings are converted to forces.
-# Larger: slower with many events, because single taxels take longer; smaller: slower with some events.
-MAX_EVENTS = 0.1
 
 
 def taxel_readings(
     given: Any, dimensions: tuple[int, ...], channels: IntArray, length: int, name: str, link: str
 ) -> tuple[Array, bool]:
     """Return the readings of the taxels, NaN where they are masked, and whether they are whole numbers."""
-    must = f"a {name} must be {'rows' if dimensions == (2,) else 'one row'} of real numbers; this one"
-    try:
-        readings = np.asarray(given)
-    except ValueError as error:
-        raise InvalidReading(f"{must} has rows of different lengths", flag="wrong_type") from error
-    except Exception as error:  # arrays of other libraries raise errors of any type if they cannot be converted
-        raise InvalidReading(f"{must} is {type(given).__name__}: {error}", flag="wrong_type") from error
-    if readings.ndim not in dimensions or readings.dtype.kind not in "uif":
-        what = f"{must} is {readings.dtype} of shape {readings.shape}"
-        if isinstance(given, Mapping):
-            what = f"{must} is a mapping. Pass the readings of force alone"
-        raise InvalidReading(what, flag="wrong_type")
+    must = f"a {name} must be {'rows' if dimensions == (2,) else 'one row'} of real numbers"
+    readings = numbers_of(given, dimensions, "uif", must)
     if readings.shape[-1] < length:
         raise InvalidReading(
             f"the {name} has {readings.shape[-1]} channels, the skin of {link} needs {length}",
@@ -56,18 +43,21 @@ def taxel_readings(
     return readings.take(channels, axis=-1), is_whole
 
 
-def row_of(given: Any, kinds: str, must: str) -> Any:
-    """Return one row of numbers as an array; masked numbers stay in it."""
+def numbers_of(given: Any, dimensions: tuple[int, ...], kinds: str, must: str) -> Any:
+    """Return numbers as an array of one of some dimensions and kinds of data; masked numbers stay in it."""
     try:
         numbers = np.asarray(given)
     except ValueError as error:
-        raise InvalidReading(f"{must}; this has rows of different lengths", flag="wrong_type") from error
-    except Exception as error:  # as in taxel_readings
-        raise InvalidReading(f"{must}; this is {type(given).__name__}: {error}", flag="wrong_type") from error
-    if numbers.ndim != 1 or numbers.dtype.kind not in kinds:
-        if numbers.shape == (0,):
+        raise InvalidReading(f"{must}; this one has rows of different lengths", flag="wrong_type") from error
+    except Exception as error:  # arrays of other libraries raise errors of any type if they cannot be converted
+        raise InvalidReading(f"{must}; this one is {type(given).__name__}: {error}", flag="wrong_type") from error
+    if numbers.ndim not in dimensions or numbers.dtype.kind not in kinds:
+        if numbers.shape == (0,) and 1 in dimensions:  # an empty list has real numbers
             return np.empty(0, np.int64)
-        raise InvalidReading(f"{must}; these are {numbers.dtype} of shape {numbers.shape}", flag="wrong_type")
+        what = f"{numbers.dtype} of shape {numbers.shape}"
+        if isinstance(given, Mapping):
+            what = "a mapping. Pass the readings of force alone"
+        raise InvalidReading(f"{must}; this one is {what}", flag="wrong_type")
     return numbers
 
 
@@ -105,9 +95,7 @@ class Readings:
         self.is_whole = False  # whether the last readings were whole numbers
         self._pairs = geometry.pairs
         self._latest = np.full(len(geometry.ids), np.nan)  # all that was sent, also in frames that are not accepted
-        self._converted: tuple[Any, Any, Array] = (None, None, self._latest)  # baseline, drift, forces of the latest
-        order = np.argsort(self.channels)  # a table of all channels may not fit into the memory
-        self._sorted_channels, self._sorted_rows = np.append(self.channels[order], -1), np.append(order, -1)
+        self._row_of = {channel: row for row, channel in enumerate(self.channels.tolist())}
         full, rest = self.responses.full, self.responses.rest
         measured = np.where(np.isfinite(full), self.responses.forces(np.where(np.isfinite(full), full, rest)), 0.0)
         self._most = np.maximum(np.maximum(MAX_PRESSURE * geometry.areas, MIN_IMPOSSIBLE), measured)
@@ -127,22 +115,22 @@ class Readings:
         rows, self.is_whole = self._rows(readings, (1,))
         return rows.astype(float)
 
-    def after(self, indices: Any, values: Any) -> tuple[Array, IntArray]:
-        """Return the reading of each taxel (n,) after some events, and their rows. No event of wrong ones counts."""
-        channels = row_of(indices, "iu", "indices of events must be one row of whole numbers")
-        numbers = row_of(values, "iuf", "values of events must be one row of real numbers")
+    def after(self, indices: Any, values: Any) -> Array:
+        """Return the reading of each taxel (n,) after some events (k,). No event of wrong ones counts."""
+        channels = numbers_of(indices, (1,), "iu", "indices of events must be one row of whole numbers")
+        numbers = numbers_of(values, (1,), "uif", "values of events must be one row of real numbers")
         if len(channels) != len(numbers):
             raise InvalidReading(f"there are {len(channels)} indices for {len(numbers)} values", flag="wrong_length")
         if channels.min(initial=0) < 0:
             what = f"the index {channels.min()} of an event is negative; channels are counted from 0"
             raise InvalidReading(what, flag="wrong_type")
-        position = np.searchsorted(self._sorted_channels[:-1], channels)
-        is_own = self._sorted_channels[position] == channels
-        raw, rows = self._latest.copy(), self._sorted_rows[position[is_own]]
-        raw[rows] = unmasked(values)[is_own]
+        raw = self._latest.copy()
+        for channel, value in zip(channels.tolist(), unmasked(values).tolist()):
+            if channel in self._row_of:
+                raw[self._row_of[channel]] = value
         if len(numbers):
             self.is_whole = numbers.dtype.kind in "ui"
-        return raw, rows
+        return raw
 
     def rows(self, readings: Any) -> Array:
         """Return the readings of the taxels in many readings, shape (T, n), in their data type."""
@@ -181,22 +169,11 @@ class Readings:
         """Return signed readings (..., n), which rise with the force; None while the noise is not known."""
         return None if self.noise is None else self.noise.signed(intensities)
 
-    def next(self, raw: Array, changed: IntArray | None) -> Signals:
-        """Return what the readings (n,) of the next frame say.
-
-        Forces of a few changed readings are converted alone, unless the baseline has moved.
-        """
+    def next(self, raw: Array) -> Signals:
+        """Return what the readings (n,) of the next frame say."""
         intensities = self.corrected(raw)
-        shifted = self._shifted(intensities)
-        shift, offset, forces = self._converted
-        is_same = shift is self._shift and offset is self.drift.offset and self._creep is None
-        if changed is not None and is_same and len(changed) <= MAX_EVENTS * len(raw):
-            forces = forces.copy()
-            forces[changed] = self.responses.forces_at(changed, shifted[changed])
-        else:
-            forces = self.responses.forces(shifted)
-        self._latest, self._converted = raw, (self._shift, self.drift.offset, forces)
-        forces, known = self._valid(forces)
+        shifted, self._latest = self._shifted(intensities), raw
+        forces, known = self._valid(self.responses.forces(shifted))
         return Signals(shifted, self.signed(intensities), forces, known, np.count_nonzero(known) == len(known))
 
     def at_rest(self, readings: Any) -> tuple[Array, bool]:
@@ -242,30 +219,27 @@ class Readings:
             raw = raw - self.noise.signed(self._creep.part)
         return self.drift.corrected(raw)
 
-    def without_creep(self, rows: Array, times: Array | None) -> Array:
-        """Return many readings (T, n) without creep."""
-        noise, creep = self.noise, copy(self._creep)
-        if noise is None or creep is None:
-            return rows
-        found = rows.astype(float)
-        for row, time in zip(found, (times if times is not None else np.full(len(rows), np.nan)).tolist()):
-            row -= noise.signed(creep.part)
-            signed = self.valid(noise.signed(row))
-            if np.isfinite(signed).any():
-                creep.add(signed - noise.free, time)
+    def followed(self, rows: Array, times: Array, valid: BoolArray, fresh: BoolArray) -> Array:
+        """Return the readings (T, n) of a log without creep and drift, as in frames one after another.
+
+        Rows without a ``valid`` reading (T, n) stay; before ``fresh`` ones (T,) time jumped. These readings stay.
+        """
+        then, found = copy(self), rows.astype(float)
+        then.drift, then._creep = copy(self.drift), copy(self._creep)
+        then.drift.drop_block()
+        complete, seconds = valid.all(axis=1), times.tolist()
+        for k in valid.any(axis=1).nonzero()[0].tolist():
+            if fresh[k]:
+                then.drift.drop_block()
+            raw = found[k].copy()
+            found[k] = then.corrected(raw)
+            then.follow(raw, bool(complete[k]), seconds[k])
         return found
 
     def valid(self, signed: Array) -> Array:
         """Return signed readings (..., n), NaN for defective taxels and invalid readings: what the drift uses."""
         assert self.noise is not None
         return np.where((np.abs(signed) < MAX_READING) & self.alive & ~self.noise.dead, signed, np.nan)
-
-    def are_valid(self, rows: Array) -> bool:
-        """Return whether :meth:`valid` changes nothing in readings (T, n) of any real data type."""
-        assert self.noise is not None
-        if self.noise.has_dead or not self.alive.all() or not rows.size:
-            return False
-        return bool(rows.min() > -MAX_READING and rows.max() < MAX_READING)
 
     def flags(self, raw: Array, known: BoolArray) -> frozenset[str]:
         """Return ``not_finite`` and ``too_large`` if live taxels that are not masked have such readings (n,)."""

@@ -66,7 +66,7 @@ def is_rest(rows: Array, without_force: Array, is_whole: bool) -> bool:
     The mean of each taxel is near its reading without force (n,), and the same in both halves. No reading is far from
     the others, as in a tap. Successive readings differ as noise does, not as in a slow push.
     """
-    if not (np.abs(rows) < MAX_READING).all():
+    if not (rows.size and (np.abs(rows) < MAX_READING).all()):
         return False
     floor = 1.0 if is_whole else MIN_SPREAD
     steps, variance = np.diff(rows, axis=0), rows.var(axis=0, ddof=1)

@@ -1,7 +1,7 @@
 """Give a controller the skin of one link: readings in, a frame with contacts, wrench and CoP out."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -289,18 +289,9 @@ class Skin:
         time : float
             Of the reading [s].
         """
-        time = float(time)
-        flags = self._clock.flags(time)
-        modalities = self._modalities.nothing
-        try:
-            if isinstance(readings, Mapping):
-                modalities, problems = self._modalities.frame(readings, self._readings.alive)
-                flags |= problems
-                readings = force_of(readings)
-            raw = self._readings.intensities(readings)
-        except InvalidReading as error:
-            return self._unknown(time, flags | {error.flag}, str(error), modalities)
-        return self._frame(raw, None, time, flags, modalities)
+        if isinstance(readings, Mapping):
+            return self._read(lambda: self._readings.intensities(force_of(readings)), readings, time)
+        return self._read(lambda: self._readings.intensities(readings), None, time)
 
     def update_events(
         self, indices: Any, values: Any, time: float, modalities: Mapping[str, Any] | None = None
@@ -322,27 +313,25 @@ class Skin:
         modalities : mapping of str to array, shape (channels,), optional
             Complete readings of other modalities, as for :meth:`update`.
         """
-        time = float(time)
-        flags, others = self._clock.flags(time), self._modalities.nothing
-        try:
-            if modalities is not None:
-                others, problems = self._modalities.frame(without_force(modalities), self._readings.alive)
-                flags |= problems
-            raw, changed = self._readings.after(indices, values)
-        except InvalidReading as error:
-            return self._unknown(time, flags | {error.flag}, str(error), others)
-        return self._frame(raw, changed, time, flags, others)
+        return self._read(lambda: self._readings.after(indices, values), modalities, time, are_events=True)
 
-    def _frame(
-        self,
-        raw: Array,
-        changed: IntArray | None,
-        time: float,
-        flags: frozenset[str],
-        modalities: Mapping[str, ModalityValues],
-    ) -> Frame:
+    def _read(self, force: Callable[[], Array], others: Any, time: float, are_events: bool = False) -> Frame:
+        """Return the frame of the readings (n,) that ``force`` returns, and of those of other modalities (or None)."""
+        time = float(time)
+        flags, modalities = self._clock.flags(time), self._modalities.nothing
+        try:
+            if others is not None:
+                others = without_force(others) if are_events else others
+                modalities, problems = self._modalities.frame(others, self._readings.alive)
+                flags |= problems
+            raw = force()
+        except InvalidReading as error:
+            return self._unknown(time, flags | {error.flag}, str(error), modalities)
+        return self._frame(raw, time, flags, modalities)
+
+    def _frame(self, raw: Array, time: float, flags: frozenset[str], modalities: Mapping[str, ModalityValues]) -> Frame:
         """Return the frame of a reading (n,), and change the state of the skin."""
-        signals, noise = self._readings.next(raw, changed), self.noise
+        signals, noise = self._readings.next(raw), self.noise
         if not signals.is_complete:
             flags |= self._readings.flags(raw, signals.known)
             if not np.count_nonzero(signals.known):

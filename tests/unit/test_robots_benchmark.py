@@ -1,7 +1,6 @@
 """The benchmark of whole robots, on a robot of two plates whose errors are known."""
 
 import re
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +12,6 @@ from tests.unit.commands.test_bad_robots import plates
 
 pytestmark = pytest.mark.slow
 SIDE = 0.07  # [m] of a plate
-MIRRORED = '<visual><geometry><mesh filename="1.ply" scale="1 -1 1"/></geometry></visual>'
 
 
 @pytest.fixture(scope="module")
@@ -104,46 +102,3 @@ def test_damage_is_found(robots, kept, tmp_path):
     assert rows["taxels with a mean angle above 15 degrees, without a warning"] == "2"
     hidden, inward, overlapping = map(int, rows["hidden taxels, normals inward, overlapping pairs"].split(", "))
     assert inward == 1 and overlapping >= 1
-
-
-@pytest.mark.nightly
-def test_mirrored_links_and_layouts_are_counted(robots, tmp_path):
-    """A taxel that is moved by 0.2 mm has this distance; one that is moved by 2 mm has no partner."""
-    urdf, out = plates(tmp_path, ("base", "left", "right"), link2=MIRRORED), tmp_path / "out"
-    joints = urdf.read_text().replace('link="left"/><child', 'link="base"/><child').split('"0 0 0.3"')
-    urdf.write_text('"0 0.2 0"'.join(joints[:2]) + '"0 -0.2 0"' + joints[2])
-    assert main(["fit", str(urdf), "--propose", "-o", str(out)]) == 0
-    calibration = load_calibration(out / "right.calibration.json")
-    (patch,) = calibration.patches
-    count = 2 * len(patch.taxels.ids)
-    for step, complete, partners, largest in ((0, 1, count, 0), (0.2e-3, 1, count, 0.2), (2e-3, 0, count - 2, 0)):
-        moved = {name: getattr(patch.taxels, name).copy() for name in ("positions_link", "corners_link")}
-        for points in moved.values():
-            points[0, ..., 2] += step
-        taxels = replace(patch.taxels, **moved)
-        save_calibration(replace(calibration, patches=(replace(patch, taxels=taxels),)), out / "right.calibration.json")
-        pairs, layouts = robots.of_pairs(urdf, out).values()
-        words, median, most = re.fullmatch(r"(.*), ([\d.]+) mm, ([\d.]+) mm", layouts).groups()
-        assert (pairs, words) == ("1, 1, 1", f"{complete}, {partners} of {count}")
-        assert float(median) < 0.03 and float(most) == pytest.approx(largest, abs=0.03)
-
-
-@pytest.mark.nightly
-def test_page_gets_table_and_pictures(robots, kept, tmp_path, capsys, monkeypatch):
-    """Between its marks; robots without data are left out with a message."""
-    urdf, out, said = kept
-    (out / "said.txt").write_text(said)
-    page = tmp_path / "docs" / "explanation" / "robots.md"
-    page.parent.mkdir(parents=True)
-    page.write_text(f"before\n{robots.MARKS[0]}old\n{robots.MARKS[1]}after\n")
-    out.rename(out.parent / "Two Plates")
-    monkeypatch.setattr(robots, "PAGE", page)
-    monkeypatch.setattr(robots, "ROBOTS", {"Two Plates": urdf, "none": tmp_path / "none.urdf"})
-    monkeypatch.setattr(sys, "argv", ["robots.py", "--keep", str(urdf.parent), "--made", "--stages", "--write"])
-    robots.main()
-    said = capsys.readouterr().out
-    assert "none.urdf is not there; skipped" in said and "| surfaces, boards | 2, " in said
-    text = page.read_text()
-    assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
-    assert "| surfaces, boards | 2, " in text and "| CPU seconds by stage, one process | " in text
-    assert (tmp_path / "docs" / "robot_two plates.png").stat().st_size > 1000

@@ -300,6 +300,8 @@ def read_mesh(path: str | Path) -> TriangleMesh:
                 vertices, faces = np.asarray(raw.vertices, float), np.asarray(raw.faces)
         if vertices.ndim != 2 or vertices.shape[1] != 3:
             raise ValueError(f"its vertices have {vertices.shape[-1]} coordinates instead of 3")
+    except ModuleNotFoundError:  # the command line states what to install
+        raise
     except ImportError as error:
         raise InvalidMesh(f"{path.name} cannot be read: {error}", path=str(path)) from error
     except Exception as error:  # the readers of trimesh raise many types of exceptions for broken files

@@ -43,8 +43,9 @@ def fitted(tmp_path_factory):
 
 
 @pytest.fixture
-def robot(fitted, tmp_path):
-    """A copy of it."""
+def robot(fitted, tmp_path, monkeypatch):
+    """A copy of it, with small pictures."""
+    monkeypatch.setattr(robot_picture, "PICTURE_HEIGHT", 200)
     shutil.copytree(fitted, tmp_path / "robot")
     return tmp_path / "robot"
 
@@ -82,33 +83,25 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("command", ["fit", "show", "export"])
-@pytest.mark.parametrize("case", BAD)
-def test_robot_that_cannot_be_read_is_one_line(robot, capsys, case, command):
-    """With the line of the file; no output is written."""
+@pytest.mark.parametrize("command", ["fit", "show", "export", "check"])
+def test_robot_that_cannot_be_read_is_one_line(robot, capsys, command):
+    """With the line of the file; no output is written. ``check`` examines the calibrations as always."""
     if command == "export":
         pytest.importorskip("mujoco")
-    changes, words = BAD[case]
+    changes, words = BAD["reversed limit"]
     write_urdf(robot, **changes)
     capsys.readouterr()
     assert run(robot, command) == 1
-    err = [line for line in capsys.readouterr().err.splitlines() if "[duplicate-" not in line]
-    assert len(err) == 1 and words in err[0]
+    out, err = capsys.readouterr()
+    found = [line for line in err.splitlines() if "[duplicate-" not in line]
+    if command == "check":
+        found = [line for line in out.splitlines() if line.startswith("error")]
+        assert out.count("arm.calibration.json: 0 errors") == 1
+    assert len(found) == 1 and words in found[0]
     assert not (robot / "robot.png").exists() and not (robot / "robot.xml").exists()
 
 
-@pytest.mark.parametrize("case", BAD)
-def test_check_names_the_robot_that_cannot_be_read(robot, capsys, case):
-    """The calibrations are checked as always."""
-    changes, words = BAD[case]
-    write_urdf(robot, **changes)
-    capsys.readouterr()
-    assert run(robot, "check") == 1
-    out = capsys.readouterr().out
-    assert words in out and out.count("arm.calibration.json: 0 errors") == 1
-
-
-@pytest.mark.parametrize("damage", ["damaged", slow("missing"), slow("without faces"), slow("too large")])
+@pytest.mark.parametrize("damage", ["damaged", slow("missing"), slow("too large")])
 def test_one_broken_link_stops_no_other(robot, capsys, damage):
     """``fit``, ``show`` and ``export`` do the other links."""
     mesh = robot / "hand.ply"
@@ -116,8 +109,6 @@ def test_one_broken_link_stops_no_other(robot, capsys, damage):
         mesh.unlink()
     elif damage == "damaged":
         mesh.write_bytes(mesh.read_bytes()[:500])
-    elif damage == "without faces":
-        mesh.write_bytes(b"ply\nformat ascii 1.0\nelement vertex 0\nelement face 0\nend_header\n")
     else:
         urdf = robot / "bot.urdf"
         urdf.write_text(urdf.read_text().replace('"hand.ply"', '"hand.ply" scale="1000 1000 1000"'))
@@ -165,34 +156,22 @@ def meshes(file, more=""):
 FACET = "solid\nfacet normal 0 0 1\nouter loop\n"
 BROKEN_LINKS = {
     "missing": (meshes("nofile.ply"), "the mesh file nofile.ply of bot.urdf was not found"),
-    "package": (meshes("package://nowhere/nofile.ply"), "the mesh file package://nowhere/nofile.ply of bot.urdf was"),
-    "internet": (meshes("http://a.b/nofile.ply"), "the mesh file http://a.b/nofile.ply of bot.urdf was not found"),
     "zero scale": (meshes("1.ply", 'scale="0 1 1"'), "1.ply has a scale of 0"),
-    "two scales": (meshes("1.ply", 'scale="1 1"'), "1.ply has 2 numbers in its scale"),
     "wrong unit": (meshes("1.ply", 'scale="1e4 1e4 1e4"'), "middle has a diameter of "),
     "not a mesh": (meshes("bot.urdf"), "bot.urdf has an unknown format"),
     "damaged": (meshes("damaged.dae"), "damaged.dae is not a valid DAE file"),
-    "no area": (meshes("line.stl"), "line.stl"),
     "nan": (meshes("nan.stl"), "nan.stl: Vertex 1 of the mesh is not finite"),
     "origin nowhere": (meshes("1.ply").replace("<geom", '<origin xyz="0 0 1e9"/><geom'), "1.ply has 1e+09 in its xyz"),
-    "origin of two": (meshes("1.ply").replace("<geom", '<origin xyz="0 0"/><geom'), "1.ply has 2 numbers in its xyz"),
-    "scale nowhere": (meshes("1.ply", 'scale="1 1 1e300"'), "1.ply has 1e+300 in its scale"),
     "empty": (meshes("empty.off"), "empty.off is empty. Check that it was written completely."),
-    "no name": (meshes(""), "the mesh file  of bot.urdf was not found"),
     "outside": (meshes("../../../../../../../../etc/passwd"), "passwd"),
-    "device": (meshes("/dev/zero"), "the mesh file /dev/zero of bot.urdf was not found"),
-    "folder": (meshes("."), "the mesh file . of bot.urdf was not found"),
 }
 
 
-@pytest.mark.parametrize(
-    "case", [case if case in ("missing", "wrong unit", "damaged", "nan") else slow(case) for case in BROKEN_LINKS]
-)
+@pytest.mark.parametrize("case", [case if case in ("missing", "damaged") else slow(case) for case in BROKEN_LINKS])
 def test_plans_of_the_other_links_are_proposed(tmp_path, capsys, case):
     """One line about the broken link, a plan for each other, and code 1."""
     visual, words = BROKEN_LINKS[case]
     (tmp_path / "damaged.dae").write_text("<COLLADA>")
-    (tmp_path / "line.stl").write_text(f"{FACET}{3 * 'vertex 0 0 0 '}endloop\n")
     (tmp_path / "nan.stl").write_text(
         f"{FACET}vertex 0 0 0\nvertex nan 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n"
     )
@@ -203,24 +182,6 @@ def test_plans_of_the_other_links_are_proposed(tmp_path, capsys, case):
     assert len(err.splitlines()) == 1 and err.startswith("skin-calib: middle: ") and words in err
     assert "middle  failed" in out and "3 links, 2 plans" in out
     assert sorted(path.name for path in (tmp_path / "plans").iterdir()) == ["base.plan.json", "end.plan.json"]
-
-
-@pytest.mark.slow
-def test_commands_of_the_readme_follow_each_other(tmp_path, capsys):
-    """The plans name the robot, and the folder of the calibrations need not exist."""
-    pytest.importorskip("mujoco")
-    plates(tmp_path, ("base", "middle", "end"))
-    for words in (
-        ("propose", "bot.urdf", "-o", "plans", "--skin", "sheet:2x2x8mm"),
-        ("fit", "plans", "-o", "robot"),
-        ("check", "robot"),
-        ("export", "robot", "--to", "mjcf", "-o", "robot_with_skin.xml"),
-    ):
-        names = ("bot.urdf", "plans", "robot", "robot_with_skin.xml")
-        assert main([str(tmp_path / word) if word in names else word for word in words]) == 0
-    document = json.loads((tmp_path / "robot" / "robot.json").read_text())
-    assert document["robot"] == "bot" and document["urdf"]["file"] == "../bot.urdf"
-    assert [link["parent"] for link in document["links"]] == [None, "middle", "base"]
 
 
 @pytest.mark.slow
@@ -262,22 +223,13 @@ XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 @pytest.mark.parametrize(
     "case",
     [
-        *(*BAD, "empty", "xacro", "xacro around a link", "xacro in a link", "xacro of a scale"),
-        *("no visuals", "collisions only"),
+        *(*BAD, "empty", "xacro in a link", "xacro of a scale", "collisions only"),
     ],
 )
 def test_robot_without_links_to_propose_is_one_line(tmp_path, capsys, case):
     """No folder is made."""
     texts = {
         "empty": ("", "is empty. Check that it was written completely."),
-        "xacro": (
-            f'<robot name="x"><xacro:m {XACRO}/></robot>',
-            "which is not of a URDF [xacro]. It is a xacro file. Convert it first:",
-        ),
-        "xacro around a link": (
-            f'<robot name="x" {XACRO}><xacro:m name="m">{PREFIXED}</xacro:m>{PREFIXED}</robot>',
-            'line 1 has the element "xacro:m", which is not of a URDF [xacro]. It is a xacro file. Convert it first:',
-        ),
         "xacro in a link": (
             f'<robot name="x" {XACRO}>{PREFIXED.replace("</link>", "<xacro:m/></link>")}</robot>',
             'line 1 has the element "xacro:m", which is not of a URDF [xacro]. It is a xacro file. Convert it first:',
@@ -286,7 +238,6 @@ def test_robot_without_links_to_propose_is_one_line(tmp_path, capsys, case):
             f'<robot name="x" {XACRO}><xacro:m/><link name="a">{SCALED}</link></robot>',
             "It is a xacro file. Convert it first: xacro bot.urdf > robot.urdf",
         ),
-        "no visuals": ('<robot name="x"><link name="a"/></robot>', "has no link with a visual mesh. Shapes for"),
         "collisions only": (
             f'<robot name="x"><link name="a">{meshes("0.ply").replace("visual", "collision")}</link></robot>',
             "has no link with a visual mesh. Shapes for collisions, boxes and cylinders carry no skin.",
@@ -298,9 +249,8 @@ def test_robot_without_links_to_propose_is_one_line(tmp_path, capsys, case):
     else:
         text, words = texts[case]
         (tmp_path / "bot.urdf").write_text(text)
-    for command in ("propose", "fit"):
-        more = ("--propose",) if command == "fit" else ()
-        assert main([command, str(tmp_path / "bot.urdf"), "-o", str(tmp_path / "out"), *more]) == 1
+    for more in ((), ("--propose",)):
+        assert main(["fit" if more else "propose", str(tmp_path / "bot.urdf"), "-o", str(tmp_path / "out"), *more]) == 1
         err = capsys.readouterr().err
         assert len(err.splitlines()) == 1 and words in err and not (tmp_path / "out").exists()
 
@@ -397,9 +347,7 @@ JOINTS_OF_ALL_TYPES = {
 }
 
 
-@pytest.mark.parametrize(
-    "kind", [kind if kind in ("revolute", "mimic") else slow(kind) for kind in JOINTS_OF_ALL_TYPES]
-)
+@pytest.mark.parametrize("kind", [kind if kind == "mimic" else slow(kind) for kind in JOINTS_OF_ALL_TYPES])
 def test_joints_of_all_types_and_ranges_are_proposed(tmp_path, capsys, kind):
     """Each link gets a line, whatever the joint is, and nothing goes on for ever."""
     urdf = plates(tmp_path, ("base", "middle", "end", "last"))

@@ -3,12 +3,13 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from skin_calib_addon.calibration.file import load_calibration
 from skin_calib_addon.cli import main
 from skin_calib_addon.commands import fit, fit_jobs
-from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
 from skin_calib_addon.plan import load_plan
 from skin_calib_addon.proposal.links import Task, numbered, propose_task, robot_of
 from skin_calib_addon.proposal.skins import parse_skin
@@ -16,16 +17,22 @@ from skin_calib_addon.robot.link_mesh import load_urdf_mesh
 from tests.shapes import box
 
 LINKS = "one", "two"
-SKIN = "hexagons:8mm"
+SKIN = "sheet:2x2x10mm"
+
+
+def plate(size: float, height: float = 0.0) -> TriangleMesh:
+    """A plate of 70 mm times ``size`` [m] at a height [m]."""
+    corners = np.array([(0, 0, height), (0.07, 0, height), (0.07, size, height), (0, size, height)])
+    return TriangleMesh(corners, np.array([(0, 1, 2), (0, 2, 3)]))
 
 
 @pytest.fixture
 def urdf(tmp_path):
-    """A robot of two boxes that are far from each other."""
+    """A robot of two plates that are far from each other."""
     robot_of.cache_clear()
     links = joints = ""
     for k, link in enumerate(LINKS):
-        save_mesh(box((0, 0, 0), (0.05, 0.06, 0.07 + 0.01 * k)), tmp_path / f"{link}.ply")
+        save_mesh(plate(0.07 + 0.01 * k), tmp_path / f"{link}.ply")
         links += f'<link name="{link}"><visual><geometry><mesh filename="{link}.ply"/></geometry></visual></link>'
         joints = '<joint name="j" type="fixed"><parent link="one"/><child link="two"/><origin xyz="1 0 0"/></joint>'
     (tmp_path / "robot.urdf").write_text(f'<robot name="r">{links}{joints}</robot>')
@@ -66,7 +73,7 @@ def test_no_link_is_fitted_twice(urdf, monkeypatch):
 def test_mesh_that_changes_after_the_proposal_is_fitted_again(urdf, monkeypatch):
     def propose(*arguments):
         found = original(*arguments)
-        save_mesh(box((0, 0, 0), (0.05, 0.06, 0.0701)), urdf.parent / "one.ply")
+        save_mesh(plate(0.0701), urdf.parent / "one.ply")
         return found
 
     original = fit.propose
@@ -109,14 +116,14 @@ def test_mesh_that_is_not_that_of_the_proposal_is_named(urdf, capsys, shift):
     assert main([*again, out]) == 0
     plan = load_plan(Path(out) / "one.plan.json")
     assert plan.extra["x_proposal_mesh"] == load_urdf_mesh(urdf, "one").sha256
-    save_mesh(box((0, 0, 0), (0.05, 0.06, 0.07 + shift)), urdf.parent / "one.ply")
+    save_mesh(plate(0.07, shift), urdf.parent / "one.ply")
     words = "The mesh has changed since the plan was proposed. Propose the plan again."
     capsys.readouterr()
     assert main([*again, out]) == 0 and f"one  warning: {words}" in capsys.readouterr().out
     assert main(["check", out]) == 0 and f"warning: /x_proposal warns: {words}" in capsys.readouterr().out
     assert main(["fit", out, "-o", out]) == (shift > 0.01)
     err = capsys.readouterr().err
-    assert words in err and ("Skin 'one_6' on surface 'surface_6': The origin, " in err or shift < 0.01)
+    assert words in err and ("is 20.0 mm from the surface" in err or shift < 0.01)
     if shift < 0.01:  # also of a calibration that is up to date
         assert main(["fit", out, "-o", out]) == 0 and words in capsys.readouterr().err
         assert main(["check", out + "/one.calibration.json"]) == 0 and words in capsys.readouterr().out

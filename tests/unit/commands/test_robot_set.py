@@ -79,14 +79,6 @@ def test_fit_lists_the_links_of_the_robot(robot, capsys):
     assert (robot / "out" / "robot.json").stat().st_ino == before and load_robot_set(robot / "out") == found
 
 
-def test_check_is_silent_about_a_good_set(robot, capsys):
-    edit(robot, bus=["can0", "can1"])
-    code, lines = check(robot, capsys)
-    assert code == 0 and [line for line in lines if "duplicate-id" not in line] == [
-        f"{robot / 'out' / 'robot.json'}: 0 errors, 1 warning"
-    ]
-
-
 def test_check_warns_of_channels_that_two_links_without_a_bus_use(robot, capsys):
     """Each may have its own readings."""
     code, lines = check(robot, capsys)
@@ -287,21 +279,3 @@ def test_changed_urdf_is_named_where_it_is_used(robot, capsys, monkeypatch, comm
     assert main(command) == 0
     assert "warning: /urdf/file has changed; fit the plans again, with this URDF" in capsys.readouterr().err
     assert "/urdf/file has changed; fit the plans again" in " ".join(check(robot, capsys)[1])
-
-
-def test_show_lists_all_links(robot, capsys):
-    """A line for each link with its numbers, and one for all; a link with a changed file gives exit code 1."""
-    edit(robot, bus=["can0", "can1"])
-    capsys.readouterr()
-    assert main(["show", str(robot / "out")]) == 0
-    header, arm, hand, total = capsys.readouterr().out.splitlines()
-    taxels = len(load(robot / "out" / "arm.calibration.json").ids)
-    assert header.split()[:3] == ["link", "parent", "patches"] and total == f"bot: 2 links, {2 * taxels} taxels, 16 cm²"
-    assert arm.split()[:8] == ["arm", "base", "1", str(taxels), "0", "to", str(taxels - 1), "can0"]
-    assert arm.split()[8:10] == ["8.0", "cm²"]
-    assert hand.split()[:2] == ["hand", "arm"]
-    (robot / "out" / "hand.calibration.json").write_text("{")
-    assert main(["show", str(robot / "out" / "robot.json")]) == 1
-    captured = capsys.readouterr()
-    assert captured.out.splitlines()[2].endswith("not readable") and "[changed]" in captured.err
-    assert main(["show", str(robot / "out"), "--picture", str(robot / "x.txt")]) == 2

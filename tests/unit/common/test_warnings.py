@@ -4,12 +4,10 @@ import json
 import re
 
 from skin_calib_addon.common.warnings import (
-    NOWHERE,
     ORDER,
     Place,
     Warning,
     from_document,
-    point_of,
     to_document,
     worst_first,
 )
@@ -24,19 +22,6 @@ FULL = Warning(
     "Cut it away.",
 )
 BARE = Warning("parts", "note", "One connected part")
-
-
-def test_text_has_message_advice_and_code():
-    """On one line, for any names."""
-    assert str(FULL) == "The surface is 7.1 mm off the mesh. Cut it away. [off-mesh]"
-    assert str(BARE) == "One connected part [parts]"
-    assert str(Warning("a", "note", "x\ny")) == r"x\ny [a]"
-
-
-def test_place_in_words():
-    """Point and names, if they are known."""
-    assert FULL.where.words == "at (10.0, -20.0, 30.0) mm, near u-plane 3"
-    assert (Place(names="row 2").words, NOWHERE.words) == ("near row 2", "")
 
 
 def test_worst_warning_is_first():
@@ -63,10 +48,3 @@ def test_document_is_json_and_comes_back():
     documents = json.loads(json.dumps(to_document((FULL, BARE))))
     assert from_document(documents) == (FULL, BARE)
     assert documents[1]["where"] == {} and documents[0].keys() == documents[1].keys()
-
-
-def test_point_of_an_array():
-    """Python floats, so that records can be compared and stored."""
-    import numpy as np
-
-    assert point_of(np.array((1.0, 2.0, 3.0))) == (1.0, 2.0, 3.0)

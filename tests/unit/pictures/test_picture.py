@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from skin_calib_addon.common.errors import OutputError, SkinCalibError
+from skin_calib_addon.common.errors import SkinCalibError
 from skin_calib_addon.common.warnings import Place, Warning
 from skin_calib_addon.pictures.calibration import NOTE_COLOUR, draw_calibration, look_at
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import plan_from
 from tests.samples import boards, plane, small_calibration
-from tests.shapes import cylinder, dome
+from tests.shapes import cylinder
 
 ROOT = Path(__file__).parents[3]
 SHEET = {
@@ -65,25 +65,12 @@ def test_picture_of_a_fit_has_three_panels(tmp_path):
     assert mesh < 0.01 and error > 0.15 and taxels > 0.005
 
 
-def test_picture_of_a_file_has_the_taxels_only(tmp_path):
-    """Without the mesh there is no error to show."""
-    result = calibrated(dome(), FACE)
-    draw_calibration(result.calibration, tmp_path / "p.png")
-    assert read_png(tmp_path / "p.png").shape == (550, 550, 3)
-
-
-@pytest.mark.parametrize("name", ["p.png", "p.pdf", "p", "p.unknown"])
-def test_picture_is_a_png_whatever_its_name(tmp_path, name):
-    """The command line promises a PNG file."""
-    draw_calibration(small_calibration(), tmp_path / name)
-    assert read_png(tmp_path / name).shape == (550, 550, 3)
-
-
 def test_picture_is_the_same_again(tmp_path):
-    """There is no date and no program name in it: the same calibration gives the same bytes."""
-    for name in ("a.png", "b.png"):
+    """The same calibration gives the same PNG, whatever its name, without date, name of the program and error panel."""
+    for name in ("a.png", "b.unknown"):
         draw_calibration(small_calibration(), tmp_path / name)
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    assert read_png(tmp_path / "a.png").shape == (550, 550, 3)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.unknown").read_bytes()
     assert b"matplotlib" not in (tmp_path / "a.png").read_bytes()
 
 
@@ -101,15 +88,14 @@ def test_picture_needs_no_sheet(tmp_path, calibration):
 def test_picture_lists_warnings_and_marks_their_places(tmp_path):
     """Below the panels, numbered, in their own colour; the same number is at the place. Twelve at most."""
     calibration = small_calibration()
-    draw_calibration(calibration, tmp_path / "none.png")
     place = Place((0.035, 0.0, 0.15))
     text = "The surface is 6.2 mm off the mesh at a place that is described by so many words that the line is wrapped."
     one = Warning("off-mesh", "warning", text, place, 6.2e-3, "Move the planes.")
     draw_calibration(dataclasses.replace(calibration, warnings=(one,)), tmp_path / "one.png")
-    draw_calibration(dataclasses.replace(calibration, warnings=(one,) * 40), tmp_path / "many.png")
-    draw_calibration(dataclasses.replace(calibration, warnings=(one,) * 60), tmp_path / "more.png")
-    none, single, many, more = (read_png(tmp_path / f"{name}.png") for name in ("none", "one", "many", "more"))
-    assert none.shape == (550, 550, 3) and single.shape[1] == 550
+    draw_calibration(dataclasses.replace(calibration, warnings=(one,) * 13), tmp_path / "many.png")
+    draw_calibration(dataclasses.replace(calibration, warnings=(one,) * 14), tmp_path / "more.png")
+    single, many, more = (read_png(tmp_path / f"{name}.png") for name in ("one", "many", "more"))
+    assert single.shape[1] == 550
     brown = np.abs(single - matplotlib.colors.to_rgb(NOTE_COLOUR)).max(axis=2) < 0.1
     rows, columns = np.nonzero(brown)
     assert (rows > 550).any() and (rows < 500).any() and columns.max() < 540, (
@@ -149,12 +135,6 @@ def test_missing_matplotlib_is_one_line(tmp_path, monkeypatch):
     with pytest.raises(SkinCalibError, match=r"a picture needs matplotlib, .*: pip install 'skin-calib\[picture\]'"):
         draw_calibration(small_calibration(), tmp_path / "p.png")
     assert not list(tmp_path.iterdir())
-
-
-def test_picture_into_a_missing_folder_is_refused(tmp_path):
-    """The error is that of all other files."""
-    with pytest.raises(OutputError, match="folder .* does not exist"):
-        draw_calibration(small_calibration(), tmp_path / "none" / "p.png")
 
 
 @pytest.mark.parametrize("normals", [[(0, 0, 1.0)], [(1.0, 0, 0), (-1.0, 0, 0)], [(0.6, 0, 0.8), (0.8, 0, 0.6)]])

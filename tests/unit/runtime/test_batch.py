@@ -15,8 +15,8 @@ from skin_calib_addon.runtime.geometry import neighbour_table
 from skin_calib_addon.runtime.touched import states, switched
 from tests.examples import slow
 from tests.oracles import components as flood_fill
-from tests.samples import cylinder, plane, small_calibration
-from tests.soles import skin_of, sole_patch
+from tests.samples import cylinder, small_calibration
+from tests.soles import counting_sole, skin_of, sole_patch
 
 ROWS = 300
 
@@ -43,10 +43,7 @@ def limb():
 
 def with_noise(**options):
     """Return a sole that has learned its noise."""
-    calibration = small_calibration(
-        link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=Response((0.0, 0.2))
-    )
-    skin = Skin(calibration, **options)
+    skin = counting_sole(**options)
     skin.tare(np.clip(np.rint(np.random.default_rng(0).normal(1, 2, (250, 42))), 0, 4095))
     return skin
 
@@ -126,15 +123,6 @@ def test_batch_equals_the_loop(monkeypatch, name, has_times, block):
     assert (50 < standing < 290) if skin.ground is not None else standing == 0
 
 
-def test_full_contact_counts_the_moments_within_cells():
-    """Rows with every taxel in contact have the moments within the cells, as frames do."""
-    skin = two_feet()
-    readings = np.zeros((50, skin.reading_length))
-    readings[::2] = np.random.default_rng(0).uniform(20, 60, (25, skin.reading_length))
-    batch, standing = assert_equals_loop(skin, readings, None)
-    assert standing == 25 and batch.active[::2].all()
-
-
 def test_batch_does_not_change_the_skin():
     """The next frame is the same with and without a batch before it."""
     skin = with_noise()
@@ -196,8 +184,13 @@ def test_types_and_sizes():
 
 
 def test_skin_without_taxels():
-    """It has no contacts and no wrench."""
-    batch = Skin(small_calibration(patches=(), surfaces=())).batch(np.zeros((3, 0)))
+    """It has no contacts, no wrench and no noise, whatever the data type of its readings."""
+    skin = Skin(small_calibration(patches=(), surfaces=()))
+    for dtype in (np.int64, float):
+        skin.tare(np.zeros((30, 0), dtype))
+    frames = [skin.update(np.zeros(0), 0.02 * k) for k in range(40)]
+    assert skin.noise is None and frames[-1].contacts == () and frames[-1].flags == {"noise_unknown"}
+    batch = skin.batch(np.zeros((3, 0)))
     assert batch.forces.shape == (3, 0) and (batch.contact_counts == 0).all() and (batch.wrench == 0).all()
 
 

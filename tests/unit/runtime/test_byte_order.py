@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from skin_calib_addon.calibration import Response
-from skin_calib_addon.runtime import Skin
 from tests.examples import slow
-from tests.samples import plane, small_calibration
-from tests.soles import sole_patch
+from tests.soles import counting_sole
 
 N = 42
 
@@ -15,9 +13,7 @@ N = 42
 def sole(bits, has_range=False, **options):
     """Return a sole whose converter has some bits."""
     top = 2.0**bits - 1
-    response = Response((0.0, 800 / top), (0.0, top) if has_range else None)
-    calibration = small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response)
-    return Skin(calibration, **options)
+    return counting_sole(Response((0.0, 800 / top), (0.0, top) if has_range else None), **options)
 
 
 def signal(rng, bits, noise, offset, load, frames, period):
@@ -39,7 +35,7 @@ def flagged_after(skin, readings, period, start=10.0):
 
 
 CONVERTERS = [(12, 2.0), slow(12, 0.5), slow(16, 32.0), (16, 8.0)]
-PERIODS = [slow(0.001), 0.004, 0.04]
+PERIODS = [slow(0.001), slow(0.004), 0.04]
 
 
 @pytest.mark.parametrize(("bits", "noise"), CONVERTERS)
@@ -59,8 +55,7 @@ def test_change_of_the_byte_order_is_flagged(bits, noise, offset, load, period):
 
 
 @pytest.mark.parametrize(("bits", "noise"), CONVERTERS)
-@pytest.mark.parametrize("kind", [np.uint16, np.int16, float])
-@pytest.mark.parametrize("tared", [False, True])
+@pytest.mark.parametrize(("kind", "tared"), [(np.uint16, False), (np.int16, True), (float, True)])
 def test_byte_order_is_wrong_from_the_start(bits, noise, kind, tared):
     """Even the rest is wrong. Under load, or with an offset of more than a byte, it is flagged within a second."""
     rng = np.random.default_rng(2)
@@ -84,16 +79,16 @@ def test_rest_near_zero_is_flagged_with_a_range():
     assert flagged_after(sole(12), swapped, 0.004) is None
 
 
-@pytest.mark.parametrize("shift", [0, slow(4), slow(6), 7, slow(8)])
+@pytest.mark.parametrize("shift", [0, slow(4), 7])
 @pytest.mark.parametrize("period", PERIODS)
 def test_correct_order_is_not_flagged(shift, period):
     """Readings of 8 to 16 bits at either end of the word, at rest, under load and with contacts that jump."""
     rng = np.random.default_rng(4)
     bits = 16 - shift
     for load in (0.0, 0.4):
-        counts = signal(rng, bits, 2.0, 3, load, 300, period)
+        counts = signal(rng, bits, 2.0, 3, load, 120, period)
         for frames in (counts, counts << shift, counts.astype(np.int16) - 3):
             assert flagged_after(sole(16), frames, period) is None
-    jumps = np.where(rng.random((300, N)) < 0.5, 0, rng.integers(0, 2**bits, (300, N)))
-    for frames in (jumps, jumps << shift, np.where(jumps > 0, 256, 0), rng.normal(size=(300, N))):
+    jumps = np.where(rng.random((120, N)) < 0.5, 0, rng.integers(0, 2**bits, (120, N)))
+    for frames in (jumps, jumps << shift, np.where(jumps > 0, 256, 0), rng.normal(size=(120, N))):
         assert flagged_after(sole(16), frames, period) is None

@@ -10,7 +10,6 @@ from numpy.testing import assert_array_equal
 
 from skin_calib_addon.calibration import Response, ResponseTable
 from skin_calib_addon.runtime import Skin
-from tests.examples import slow
 from tests.samples import plane, small_calibration
 from tests.soles import skin_of, sole_patch
 
@@ -72,13 +71,11 @@ def pushes(count, rng):
     return np.rint(np.clip(rest + foot, 0, 4095)).astype(np.uint16), np.arange(count) / 200
 
 
-@pytest.mark.parametrize("name", SKINS)
-@pytest.mark.parametrize("options", [{}, {"switch_on": 0.2}, {"creep": (0.2, 0.5)}, slow({"follow_drift": False})])
-@pytest.mark.parametrize("most", [slow(0), 1, slow(5), 200])
-def test_frames_of_events_are_those_of_full_readings(name, options, most):
+@pytest.mark.parametrize(("options", "most"), [({}, 1), ({"switch_on": 0.2}, 200), ({"creep": (0.2, 0.5)}, 5)])
+def test_frames_of_events_are_those_of_full_readings(options, most):
     """Random events, from none to more than there are channels, with repeated ones; the last of them counts."""
     rng = np.random.default_rng(most)
-    full, events = Skin(SKINS[name], **options), Skin(SKINS[name], **options)
+    full, events = Skin(SKINS["both"], **options), Skin(SKINS["both"], **options)
     rows, times = pushes(260, rng)
     rest = np.rint(np.clip(rng.normal(10, 2, (100, LENGTH)), 0, 4095)).astype(np.uint16)
     full.tare(rest)
@@ -171,8 +168,8 @@ def test_silence_is_frozen_as_equal_readings_are():
     ("indices", "values", "flag", "message"),
     [
         ([1, 2], [1.0], "wrong_length", "2 indices for 1 values"),
-        ([0.5], [1.0], "wrong_type", "indices of events must be one row of whole numbers; these are float64 of shape"),
-        ([True], [1.0], "wrong_type", "these are bool of shape"),
+        ([0.5], [1.0], "wrong_type", "must be one row of whole numbers; this one is float64 of shape"),
+        ([True], [1.0], "wrong_type", "this one is bool of shape"),
         ([-1], [1.0], "wrong_type", "index -1 of an event is negative; channels are counted from 0"),
         ([[1]], [[1.0]], "wrong_type", "of shape \\(1, 1\\)"),
         ([1], [True], "wrong_type", "values of events must be one row of real numbers"),

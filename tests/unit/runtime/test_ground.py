@@ -175,18 +175,6 @@ def test_guaranteed_polygon_is_the_largest_safe_one():
     assert convex_hull([(0, 0), (1, 0)]).eroded(cell).kind == "empty"
 
 
-@given(forces=loads)
-def test_polygons_do_not_depend_on_earlier_frames(forces):
-    """A skin keeps its footprint while the active taxels stay the same. A new skin gives the same polygons."""
-    old = skin_of(sole_patch())
-    for k, before in enumerate((np.roll(forces, 1), forces, forces / 2 + 0.2)):
-        assert old.update(before, 0.01 * k).polygon.outer is not None
-    one, other = old.update(forces, 0.03), skin_of(sole_patch()).update(forces, 0.0)
-    if (one.active == other.active).all():
-        for name in ("outer", "nominal", "guaranteed"):
-            assert (getattr(one.polygon, name).corners == getattr(other.polygon, name).corners).all()
-
-
 def test_taxels_on_the_side_of_a_foot_do_not_stand():
     """Pressure on the side of a foot changes the wrench, not the CoP and the polygon."""
     sole = sole_patch()

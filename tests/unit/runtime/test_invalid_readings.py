@@ -14,10 +14,8 @@ from hypothesis.extra import numpy as hnp
 
 from skin_calib_addon.calibration import Response, ResponseTable, TaxelResponses
 from skin_calib_addon.common.errors import InvalidReading, UnknownTaxel
-from skin_calib_addon.runtime import Skin
 from skin_calib_addon.runtime.clock import Clock
-from tests.samples import plane, small_calibration
-from tests.soles import skin_of, sole_patch
+from tests.soles import counting_sole, skin_of, sole_patch
 
 N = 42
 FLAGS = {"wrong_type", "wrong_length", "not_finite", "too_large", "blind", "saturated", "stuck"}
@@ -52,26 +50,25 @@ def test_invalid_taxels_are_not_without_contact(broken):
     assert free.flags == frozenset() and free.touched is False and (free.wrench == 0).all()
 
 
-def test_taxel_stays_active_over_an_invalid_reading():
+@pytest.mark.parametrize("has_noise", [False, True])
+def test_taxel_stays_active_over_an_invalid_reading(has_noise):
     """A taxel keeps its hysteresis over an invalid reading: it was active, and is active with the next valid one."""
-    skin = sole()
-    skin.update(pressed_everywhere(), 0.0)
-    invalid = pressed_everywhere(0.15)
+    skin, weak = sole(), pressed_everywhere(0.15)
+    if has_noise:
+        skin = counting_sole()
+        skin.tare(100 + np.rint(4 * np.random.default_rng(0).normal(size=(250, N))))
+        weak = skin.noise.mean + 2 * skin.noise.sigma
+    skin.update(weak + 100, 0.0)
+    invalid = weak.copy()
     invalid[3] = np.nan
     assert not skin.update(invalid, 0.01).active[3]
-    assert skin.update(pressed_everywhere(0.15), 0.02).active[3]
-
-
-def test_impossible_force_is_left_out():
-    """A force of 1e30 N is a broken number; it is not part of the wrench."""
-    frame = sole().update(np.where(np.arange(N) == 7, 1e30, 2.0), 0.0)
-    assert frame.flags == {"too_large"} and not frame.known[7] and np.abs(frame.wrench).max() < 100
+    assert skin.update(weak, 0.02).active[3]
 
 
 def test_saturated_taxel_is_counted_and_flagged():
     """Its force is the lower limit of the true one."""
     response = Response((0.0, 0.1), (0.0, 1000.0))
-    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response), 0.2)
+    skin = counting_sole(response, switch_on=0.2)
     reading = np.zeros(N)
     reading[5] = 4000
     frame = skin.update(reading, 0.0)
@@ -82,7 +79,7 @@ def test_saturated_taxel_is_counted_and_flagged():
 def test_saturation_counts_the_baseline():
     """A sensor that reads 300 too high at rest is saturated 300 later, and one that reads too low earlier."""
     response = Response((0.0, 0.1), (0.0, 1000.0))
-    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response), 0.2)
+    skin = counting_sole(response, switch_on=0.2)
     offsets = np.zeros(N)
     offsets[5], offsets[6] = 300.0, -300.0
     skin.tare(offsets)
@@ -140,7 +137,7 @@ def test_baseline_removes_the_offsets():
     rng = np.random.default_rng(1)
     offset = rng.uniform(-3, 3, N)
     for response in (Response((0.0, 0.1, 0.002)), ResponseTable((0.0, 100.0, 255.0), (30.0, 4.0, 0.0))):
-        skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response))
+        skin = counting_sole(response)
         skin.tare(np.stack((response.rest + offset - 1, response.rest + offset + 1)))
         assert np.abs(skin.forces(response.rest + offset)).max() < 1e-9
         expected = TaxelResponses([response], np.zeros(N, int)).forces(np.full(N, 40.0))
@@ -196,7 +193,8 @@ class Tensor:
 def test_arrays_of_other_devices_are_flagged():
     """A controller that runs gets flags and no error, also for events."""
     skin = sole()
-    assert skin.update(Tensor(), 0.0).flags == {"wrong_type"}
+    frame = skin.update(Tensor(), 0.0)
+    assert frame.flags == {"wrong_type"} and "this one is Tensor: it is on another device" in frame.problem
     assert skin.update_events([0], Tensor(), 0.0).flags == {"wrong_type"}
     assert skin.update_events(Tensor(), [1], 0.0).flags == {"wrong_type"}
 
@@ -294,7 +292,7 @@ anything = st.one_of(
 )
 
 
-@given(readings=st.lists(st.tuples(anything, st.floats()), min_size=1, max_size=6))
+@given(readings=st.lists(st.tuples(anything, st.floats()), min_size=1, max_size=3))
 def test_no_reading_raises(readings):
     """Any reading at any time gives a frame with finite numbers, or without any, and with documented flags only."""
     skin = skin_of(sole_patch(), newtons=(0.5, -2.0, 3.0, 1e-3))
@@ -314,17 +312,6 @@ def test_no_reading_raises(readings):
             assert np.isfinite(contact.position).all() and contact.force > 0
 
 
-def test_array_of_another_library_that_raises_is_flagged():
-    """Tensors of other libraries can raise any error on conversion; the frame states it."""
-
-    class Tensor:
-        def __array__(self, dtype=None, copy=None):
-            raise RuntimeError("call detach() first")
-
-    frame = sole().update(Tensor(), 0.0)
-    assert frame.flags == {"wrong_type"} and "this one is Tensor: call detach() first" in frame.problem
-
-
 def test_polygons_of_a_frame_are_its_own():
     """For similar and for different consecutive frames, a new skin gives the same polygons in every bit.
 
@@ -332,7 +319,7 @@ def test_polygons_of_a_frame_are_its_own():
     """
     skin, rng, reading = sole(), np.random.default_rng(1), pressed_everywhere()
     kept = []
-    for k in range(200):
+    for k in range(60):
         if k % 20 == 0:
             reading = rng.choice([0.0, 5.0], N)
         else:
@@ -380,7 +367,7 @@ def test_force_that_no_skin_can_bear_is_left_out(side, most):
 def test_range_of_a_response_states_what_the_skin_can_bear():
     """A response that was measured up to 9 kN has forces up to 9 kN."""
     response = Response((0.0, 1.0), (0.0, 9000.0))
-    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response), 0.2)
+    skin = counting_sole(response, switch_on=0.2)
     frame = skin.update(np.full(N, 8990.0), 0.0)
     assert frame.flags == frozenset() and frame.known.all()
 
@@ -388,7 +375,7 @@ def test_range_of_a_response_states_what_the_skin_can_bear():
 @pytest.mark.parametrize("response", [Response((0.0, 0.2)), ResponseTable((0.0, 100.0, 255.0), (30.0, 4.0, 0.0))])
 def test_reading_far_below_rest_is_a_fault_without_noise_too(response):
     """A reading as far below rest as 98 N is above it: flagged without any knowledge of the noise, and for a second."""
-    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response))
+    skin = counting_sole(response)
     sign = -1 if response.rest else 1
     for time, below, is_fault in ((0.0, 4, False), (0.1, 490, True), (0.2, 0, True), (1.0, 0, True), (1.2, 0, False)):
         reading = np.full(N, response.rest)
@@ -414,7 +401,7 @@ def test_fault_that_shows_in_some_frames_stays_reported():
 def test_readings_too_large_to_square_are_no_rest():
     """A response with a range accepts every finite reading; the variance of such a one overflows."""
     response = Response((0.0, 0.01), (0.0, 4095.0))
-    skin = Skin(small_calibration(patches=(sole_patch(),), surfaces=(plane(),), response=response))
+    skin = counting_sole(response)
     reading = np.full(N, 2.0)
     reading[3] = 1e200
     frames = [skin.update(reading + k % 2, 0.01 * k) for k in range(100)]

@@ -9,22 +9,15 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration import Response, ResponseTable
 from skin_calib_addon.runtime import Skin, convex_hull
-from skin_calib_addon.runtime.noise import hidden_weight, joint_quantile, student
-from skin_calib_addon.runtime.rest import Rest
+from skin_calib_addon.runtime.noise import joint_quantile, student
+from tests.examples import slow
 from tests.samples import plane, sheet, small_calibration
+from tests.soles import counting_sole as sole
 from tests.soles import sole_patch
 
 N = 42
 NEWTONS = 0.2  # of a count
 FREE = np.zeros(N)
-
-
-def sole(response=None, **options):
-    """Return a sole at default settings; its readings are counts."""
-    response = response or Response((0.0, NEWTONS))
-    return Skin(
-        small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response), **options
-    )
 
 
 def read(rng, newtons, noise=2.0, frames=1, offset=0.0, low=0):
@@ -39,8 +32,7 @@ def half_pressed(rng):
     return np.where(pressed, rng.uniform(0, 30, N), 0.0), pressed
 
 
-@pytest.mark.parametrize("noise", [0.5, 2.0, 5.0])
-@pytest.mark.parametrize("offset", [0.0, 50.0])
+@pytest.mark.parametrize(("noise", "offset"), [(0.5, 0.0), (2.0, 50.0), (5.0, 0.0)])
 def test_noise_is_that_before_clipping(noise, offset):
     """Clipping at zero hides half of the noise; mean and standard deviation are those before, to a few percent."""
     rng, skin = np.random.default_rng(0), sole()
@@ -70,22 +62,9 @@ def test_levels_are_quantiles_of_the_noise():
         assert_allclose(learned.steps(learned.mean + sigmas * learned.sigma), weight, atol=1e-9)
 
 
-def test_load_below_the_noise_of_the_taxels_counts_from_a_tenth_to_three_tenths():
-    """Relative to the load of the taxels that are clear of the noise."""
-    assert_allclose(hidden_weight(np.array((1.1, 1.2, 1.3))), (0, 0.5, 1), atol=1e-12)
-
-
-def test_rest_ends_after_250_frames_at_least_3_5_milliseconds_apart():
-    """At 1 kHz every fourth frame is stored, so that the rest takes a second."""
-    rest, k = Rest(), 0
-    while not rest.is_complete:
-        rest.add(FREE, 0.001 * k)
-        k += 1
-    assert k == 4 * 249 + 1
-
-
-@pytest.mark.parametrize("offset", [0.0, 50.0])
-@pytest.mark.parametrize(("cells", "newtons"), [(2, 10.0), (8, 10.0), (21, 0.8), (42, 0.8)])
+@pytest.mark.parametrize(
+    ("cells", "newtons", "offset"), [(2, 10.0, 0.0), (8, 10.0, 50.0), (21, 0.8, 0.0), (42, 0.8, 0.0), (42, 0.8, 50.0)]
+)
 def test_noise_of_free_taxels_moves_neither_load_nor_cop(cells, newtons, offset):
     """A few pressed cells, and loads below the noise of each cell: errors are zero on average, sigma holds 95 %."""
     rng, skin = np.random.default_rng(5), sole()
@@ -134,10 +113,10 @@ def test_statements_hold_under_noise(rest, offset):
 
 
 def test_foot_in_the_air_has_no_contact():
-    """Of 3000 frames of noise, at most 3 have a contact; their wrench is zero, their outer polygon is empty."""
+    """Of 1000 frames of noise, at most 2 have a contact; their wrench is zero, their outer polygon is empty."""
     rng, skin, ghosts = np.random.default_rng(2), sole(), 0
     skin.tare(read(rng, FREE, frames=250))
-    for k, reading in enumerate(read(rng, FREE, frames=3000)):
+    for k, reading in enumerate(read(rng, FREE, frames=1000)):
         frame = skin.update(reading, 0.004 * k)
         if frame.touched or frame.stands:
             ghosts += 1
@@ -145,15 +124,7 @@ def test_foot_in_the_air_has_no_contact():
         assert not frame.wrench.any() and frame.cop is None and frame.polygon.outer.kind == "empty"
         assert "no load differs from the noise, which hides loads up to 1" in frame.reason
         assert "drift" not in frame.flags
-    assert ghosts <= 3
-
-
-def test_large_limits_of_a_load_are_readable():
-    """A noise of 20 N of each taxel hides more than 100 N."""
-    rng, skin = np.random.default_rng(2), sole()
-    skin.tare(read(rng, FREE, 100.0, 250, 500.0))
-    reason = skin.update(read(rng, FREE, 0.0, 1, 500.0)[0], 0.0).reason
-    assert reason is not None and "which hides loads up to" in reason and "e+" not in reason
+    assert ghosts <= 2
 
 
 def test_deviations_of_a_frame_are_those_of_its_noise():
@@ -239,7 +210,7 @@ def test_heavy_tails_raise_the_thresholds():
     skin.tare(readings(250))
     assert ((skin.noise.sure - skin.noise.mean) / skin.noise.sigma > 8).all()
     assert ((skin.noise.lasting - skin.noise.mean) / skin.noise.sigma < 3).all()
-    sure = [skin.update(r, 0.01 * k).sets.sure.any() for k, r in enumerate(readings(2000))]
+    sure = [skin.update(r, 0.01 * k).sets.sure.any() for k, r in enumerate(readings(500))]
     assert np.mean(sure) <= 2e-3
 
 
@@ -263,10 +234,10 @@ def test_foot_that_stands_from_the_start_is_no_rest():
     rng = np.random.default_rng(7)
     for load in (lambda k: 3.0, lambda k: 0.01 * k, lambda k: 20.0 * (k > 30)):
         skin = sole()
-        for k in range(300):
+        for k in range(200):
             frame = skin.update(read(rng, np.where(np.arange(N) < 12, load(k), 0.0))[0], 0.01 * k)
         assert "noise_unknown" in frame.flags and skin.noise is None
-        for k in range(300, 600):  # lifted: now it rests
+        for k in range(200, 300):  # lifted: now it rests
             frame = skin.update(read(rng, FREE)[0], 0.01 * k)
         assert "noise_unknown" not in frame.flags and skin.noise is not None
 
@@ -322,7 +293,7 @@ def test_noisy_taxel_has_its_own_thresholds():
 
     skin.tare(readings(250))
     assert 15 < skin.noise.sigma[7] / np.median(skin.noise.sigma) < 25
-    assert np.mean([bool(skin.update(r, 0.01 * k).touched) for k, r in enumerate(readings(2000))]) <= 2e-3
+    assert np.mean([bool(skin.update(r, 0.01 * k).touched) for k, r in enumerate(readings(500))]) <= 2e-3
 
 
 @pytest.mark.parametrize("drift", [1.0, -1.0])
@@ -401,7 +372,7 @@ def test_noise_common_to_neighbours_makes_no_pairs():
     assert both.mean() < 4e-4
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_correlated_noise_is_learned_from_the_first_frames(seed):
     """A correlation of 0.6 from frame to frame is no slow push."""
     rng, skin = np.random.default_rng(seed), sole()
@@ -507,7 +478,7 @@ def pushes(kind, rng):
     return forces
 
 
-@pytest.mark.parametrize("counts", [0.5, 2.0, 4.0])
+@pytest.mark.parametrize("counts", [slow(0.5), 2.0, slow(4.0)])
 @pytest.mark.parametrize("kind", ["slide", "tap", "pulse", "hold", "rest"])
 def test_only_a_rest_teaches_the_noise(kind, counts):
     """A skin that is touched from its first frame on must not take the touch for its noise."""
@@ -535,8 +506,8 @@ def first_flag(skin, readings, flag, period=0.004):
     return None
 
 
-@pytest.mark.parametrize(("noise", "offset"), [(2.0, 50.0), (2.0, 0.0), (0.5, 0.0), (0.5, 20.0)])
-@pytest.mark.parametrize("period", [0.001, 0.004, 0.04])
+@pytest.mark.parametrize(("noise", "offset"), [(2.0, 50.0), (0.5, 0.0)])
+@pytest.mark.parametrize("period", [slow(0.001), 0.004, 0.04])
 @pytest.mark.parametrize("loaded", [False, True])
 def test_frozen_bus_is_flagged(noise, offset, period, loaded):
     """One frame again and again is flagged within a second, and guarantees nothing; live frames before it are not."""
@@ -561,12 +532,12 @@ def test_zeros_everywhere_are_flagged(offset):
 def test_slow_electronics_are_not_frozen():
     """A fast controller sees each frame of slow electronics many times; a simulator has no noise to repeat."""
     rng = np.random.default_rng(6)
-    frames = np.repeat(read(rng, half_pressed(rng)[0], frames=100), 20, axis=0)
+    frames = np.repeat(read(rng, half_pressed(rng)[0], frames=30), 20, axis=0)
     skin = rested(rng)
     flags = {flag for k, reading in enumerate(frames) for flag in skin.update(reading, 10 + 0.001 * k).flags}
     assert flags <= {"time_jump"}
     still = sole()
-    for k in range(1000):
+    for k in range(300):
         flags = still.update(np.zeros(N), 0.01 * k).flags
         assert "frozen" not in flags and "stuck" not in flags
 
@@ -591,7 +562,7 @@ def test_below_rest_follows_a_response_that_falls():
     assert "below_rest" in skin.update(np.where(np.arange(N) == 3, 4090, 4000), 0.01).flags
 
 
-@pytest.mark.parametrize("noise", [2.0, 0.5])
+@pytest.mark.parametrize("noise", [2.0, slow(0.5)])
 def test_full_scale_without_a_range_is_stuck(noise):
     """A taxel at the end of its converter has no noise: flagged within 1.2 s; the live one next to it is not."""
     rng = np.random.default_rng(9)

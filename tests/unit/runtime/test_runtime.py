@@ -58,19 +58,6 @@ def test_nothing_pressed_is_no_contact():
     assert (frame.forces == 0).all()
 
 
-def test_one_pressed_cell_is_a_contact():
-    """It has the position, normal, force and area of the cell; its force on the robot is against the normal."""
-    frame = closed_skin().update(pressed([(1, 5)], 3.0), 0.0)
-    (contact,) = frame.contacts
-    i = COLUMNS + 5
-    assert contact.ids == ("round.1.5",) and contact.taxels.tolist() == [i] and contact.force == 3.0
-    assert contact.area == ROUND.areas[i]
-    assert_allclose(contact.position, ROUND.positions_link[i], rtol=1e-15)
-    assert_allclose(contact.normal, ROUND.normals_link[i], rtol=1e-14)
-    assert_allclose(contact.wrench[:3], -3.0 * ROUND.normals_link[i], rtol=1e-14)
-    assert_allclose(frame.wrench, contact.wrench, rtol=0)
-
-
 def test_contacts_are_connected_over_the_seam():
     """The last and the first cell of a row that closes around the link are neighbours: one contact, not two."""
     seam = closed_skin().update(pressed([(2, 0), (2, COLUMNS - 1)]), 0.0)
@@ -79,12 +66,6 @@ def test_contacts_are_connected_over_the_seam():
     assert len(apart.contacts) == 2
     ring = closed_skin().update(pressed([(0, j) for j in range(COLUMNS)]), 0.0)
     assert len(ring.contacts) == 1 and np.linalg.norm(ring.wrench) < 1e-4  # 22 N cancel as far as the cells are even
-
-
-def test_contacts_that_touch_at_a_corner_only_are_two():
-    """Neighbours have a common side."""
-    assert len(closed_skin().update(pressed([(1, 1), (2, 2)]), 0.0).contacts) == 2
-    assert len(closed_skin().update(pressed([(1, 1), (1, 2), (2, 2)]), 0.0).contacts) == 1
 
 
 @given(active=st.lists(st.booleans(), min_size=1, max_size=40), seed=st.integers(0, 2**32 - 1), density=st.floats(0, 3))
@@ -201,11 +182,6 @@ def test_readings_of_any_type_do_not_overflow(dtype):
     assert_allclose(skin.update(reading, 0).contacts[0].force, 88 * expected, rtol=1e-12)
 
 
-def test_list_is_a_reading_too():
-    """A list of numbers is a valid reading."""
-    assert (Skin(small).forces([0, 1, 2, 3, 4, 5, 6, 7]) == np.arange(8)).all()
-
-
 def test_forces_follow_the_response_and_never_pull():
     """The force is the polynomial of the reading; a negative force becomes zero."""
     skin = skin_of(boards(), newtons=(-1.0, 0.5, 0.1))
@@ -231,14 +207,6 @@ def test_taxel_stays_active_down_to_the_lower_switch():
     skin.update(pressed([(0, 0)], 1.0), 0)
     (contact,) = skin.update(pressed([(0, 0), (0, 5)], 0.15), 0).contacts
     assert contact.ids == ("round.0.0",)
-
-
-def test_skins_of_one_calibration_have_separate_states():
-    """Two skins of one calibration have separate states."""
-    first, second = closed_skin(), closed_skin()
-    first.update(pressed([(0, 0)], 1.0), 0)
-    assert len(first.update(pressed([(0, 0)], 0.15), 0).contacts) == 1
-    assert len(second.update(pressed([(0, 0)], 0.15), 0).contacts) == 0
 
 
 @pytest.mark.parametrize(
@@ -274,33 +242,11 @@ def test_wrong_time_is_refused_and_changes_nothing():
     assert len(skin.update(pressed([(0, 0)], 0.15), 0.2).contacts) == 1
 
 
-@pytest.mark.parametrize("broken", [np.nan, np.inf, -np.inf])
-def test_reading_that_is_no_number_is_flagged(broken):
-    """Its taxel has no force and makes no contact; the other taxels are not affected; the next frame has no flag."""
-    skin = closed_skin()
-    reading = pressed([(0, 0), (2, 5)], 2.0)
-    reading[0] = broken
-    assert np.isnan(skin.forces(reading)[0])
-    frame = skin.update(reading, 0)
-    assert frame.flags == {"not_finite"} and [c.ids for c in frame.contacts] == [("round.2.5",)]
-    assert np.isfinite(frame.forces).all() and frame.forces[0] == 0 and np.isfinite(frame.wrench).all()
-    assert skin.update(pressed([(0, 0)]), 1).flags == frozenset()
-
-
 @pytest.mark.parametrize(("on", "off"), [(0.1, 0.2), (0.1, 0.0), (0.1, -1.0), (np.nan, 0.1), (0.1, np.nan)])
 def test_invalid_switches_are_refused(on, off):
     """The lower force must be positive, because a contact needs a force, and at most equal to the upper one."""
     with pytest.raises(ValueError, match="switch_off .* must be positive and at most switch_on"):
         closed_skin(switch_on=on, switch_off=off)
-
-
-def test_skin_without_taxels_feels_nothing():
-    """A calibration without patches gives a skin without contacts."""
-    skin = skin_of()
-    frame = skin.update([], 0)
-    assert (
-        skin.reading_length == 0 and frame.contacts == () and frame.forces.shape == (0,) and (frame.wrench == 0).all()
-    )
 
 
 def test_skin_has_the_warnings_of_its_calibration(tmp_path):

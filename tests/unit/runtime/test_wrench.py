@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.runtime import wrench
 from tests.samples import sheet
-from tests.soles import cell_patch, skin_of, sole_patch
+from tests.soles import skin_of, sole_patch
 
 UP = np.array([0, 0, 1.0])
 vectors = st.lists(st.floats(-10, 10), min_size=3, max_size=3).map(np.array)
@@ -64,16 +64,6 @@ def test_flat_sole_feels_three_of_six_components():
     assert tube.observable.tolist() == [True, True, False, True, True, False] and tube.rank == 4
     both = skin_of(sole_patch(), sheet(4, 22, 0.01))
     assert both.rank == 5 and both.observable.tolist() == [True, True, True, True, True, False]
-
-
-@pytest.mark.parametrize("tilt, is_observed", [(0.004, False), (0.007, True)])
-def test_lateral_force_is_observed_from_half_a_percent_on(tilt, is_observed):
-    """One normal is tilted: its force along x is 0.4 or 0.7 % of the vertical one."""
-    patch = sole_patch()
-    normals = patch.taxels.normals_link.copy()
-    normals[0] = (tilt, 0.0, -np.sqrt(1 - tilt**2))
-    skin = skin_of(cell_patch(patch.taxels.positions_link, normals, patch.taxels.corners_link))
-    assert skin.observable[0] == is_observed
 
 
 @pytest.mark.parametrize("name", ["about", "carried"])
