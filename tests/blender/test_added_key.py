@@ -39,6 +39,7 @@ def fields(extension):
     return import_module(f"{extension}.skin_calib_addon.blender.scene.fields")
 
 
+@pytest.mark.slow
 def test_added_key_has_a_property(added, link):
     """With label, tooltip, limit and unit, and the switch for its default."""
     properties = link.with_thickness.bl_rna.properties

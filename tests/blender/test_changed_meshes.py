@@ -53,6 +53,7 @@ def test_robot_is_not_exported_with_the_fit_of_another_mesh(bpy, fitted, tmp_pat
     assert one == other
 
 
+@pytest.mark.slow
 def test_export_of_a_robot_warns_of_what_it_did_not_write(bpy, fitted, plan_file, tmp_path, capfd):
     """A refused link is named, and each calibration of an earlier export: of this link, and of one that was deleted."""
     for name in ("leg", "toe"):

@@ -34,6 +34,7 @@ def two(bpy, plan_file):
     return path
 
 
+@pytest.mark.slow
 def test_same_bytes_leave_all_doors(bpy, two, fit_plainly, fit_scene, document):
     """The scene gives what the file gives, whichever surface the panels show, also after save and reload."""
     expected, written = fit_plainly(two), document(bpy.context.object)

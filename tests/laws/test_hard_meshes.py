@@ -292,6 +292,7 @@ def test_torn_meshes_are_fitted_or_refused(case, seed, fraction):
         assert (fit.dropped_loops >= 0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["even tube", "sector", "face"])
 @examples(3)
 @given(seed=seeds, noise=st.floats(1e-5, 0.05))

@@ -9,6 +9,7 @@ from skin_calib_addon.geometry import CoverSpec, TubeGrid, cut_cover, fit_surfac
 from skin_calib_addon.skin import HexLattice, lay_boards
 from tests.real.test_real_links import DATA, MESHES
 
+pytestmark = pytest.mark.slow
 GOLDEN = Path(__file__).parents[1] / "golden" / "real_boards.npz"
 FILLED = (
     ("icub27_l_upper_leg", 0.008),

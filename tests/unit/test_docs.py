@@ -75,6 +75,7 @@ def all_codes() -> set[str]:
     return {one for code in found for one in PATTERNS.get(code, {code})}
 
 
+@pytest.mark.slow
 def test_every_code_has_a_cause_and_a_remedy():
     """A row of a table in the troubleshooting page begins with each code, and its other cells are not empty."""
     rows = re.findall(r"^\| `([^`]+)` \|(.+)\|(.+)\|$", TROUBLES.read_text("utf-8"), re.MULTILINE)
@@ -105,6 +106,7 @@ def test_command_in_the_documentation_is_valid(line):
     assert cli.build_parser().parse_args(words[1:]).run
 
 
+@pytest.mark.slow
 def test_tutorials_show_what_their_programs_print(tmp_path, monkeypatch, capsys):
     """Their commands, scripts and Python run one after the other; each text block is a part of what was printed."""
     for name in ("sample_scenes", "examples"):

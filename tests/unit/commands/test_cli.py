@@ -173,6 +173,7 @@ def test_bad_plan_is_refused(folder, capsys, case):
     assert sorted(folder.iterdir()) == before
 
 
+@pytest.mark.slow
 def test_fit_in_a_new_process_makes_the_same_bytes_and_refuses_in_one_line(folder):
     """A new process would show warnings of NumPy."""
     plan, outs = folder / "tube.plan.json", [folder / f"{k}.json" for k in range(3)]

@@ -144,6 +144,7 @@ def test_what_changed_is_fitted_again(fitted, capsys, monkeypatch, change):
     assert set(states(capsys).values()) == {"up to date"}
 
 
+@pytest.mark.slow
 def test_another_program_fits_everything_again(fitted, capsys, monkeypatch):
     """Another version of the program or of a library gives other numbers; ``--again`` always fits again."""
     monkeypatch.setattr(sources, "program", lambda: "skin-calib 9")
@@ -156,6 +157,7 @@ def test_another_program_fits_everything_again(fitted, capsys, monkeypatch):
     assert set(states(capsys).values()) == {"fitted"}
 
 
+@pytest.mark.slow
 def test_taxel_file_of_a_plan_counts(robot, capsys):
     """A taxel file is a source of the calibration, like the mesh."""
     (robot / "plans" / "taxels.csv").write_text(TAXELS)

@@ -9,9 +9,9 @@ import pytest
 from skin_calib_addon.cli import main
 from skin_calib_addon.robot.kinematics import link_poses
 from skin_calib_addon.robot.urdf import read_robot
-from tests.unit.robot.test_robot_mjcf import robot as robot_fixture
+from tests.unit.robot import test_robot_mjcf
 
-robot = robot_fixture
+fitted, robot = test_robot_mjcf.fitted, test_robot_mjcf.robot
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 

@@ -53,6 +53,7 @@ def drawn(pixels):
     return [float((panel.min(axis=2) < 0.97).mean()) for panel in panels]
 
 
+@pytest.mark.slow
 def test_picture_of_a_fit_has_three_panels(tmp_path):
     """Cover, error and taxels are side by side, each with a shape and its own colours."""
     result = calibrated(cylinder(around=24, along=8), TUBE)
@@ -104,6 +105,7 @@ def test_picture_lists_warnings_and_marks_their_places(tmp_path):
     assert many.shape[0] > single.shape[0] + 200 and more.shape == many.shape
 
 
+@pytest.mark.slow
 def test_picture_needs_no_window_and_no_opengl(tmp_path):
     """A process without a display uses neither pyplot nor OpenGL, and does not change the settings of matplotlib."""
     code = f"""

@@ -238,6 +238,7 @@ def test_command_compares_and_refines(folder, capsys):
     assert "shifted 0.00 +- 0.0" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_command_prints_the_warnings_of_the_fit_and_of_the_refined_plan(folder, capsys):
     """A second skin over the touched one: the warning comes with the plan, and anew where the refined skin overlaps."""
     plan = json.loads((folder / "cone.plan.json").read_text())

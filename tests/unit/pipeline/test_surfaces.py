@@ -63,6 +63,7 @@ def test_mean_and_worst_fit_are_those_of_the_least_exact_surface():
         assert result.worst_fit is result.fits["back"]
 
 
+@pytest.mark.slow
 def test_command_line_and_runtime_know_all_surfaces(tmp_path, capsys):
     """Fit, check, show, report and picture name both surfaces; the runtime loads the file."""
     save_mesh(MESH, tmp_path / "torso.ply")

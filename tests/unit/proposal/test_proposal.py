@@ -402,6 +402,7 @@ def test_totals_are_of_the_plans_that_are_made(tube, tmp_path, capsys):
     assert "2 links, 2 plans; without those kept, surfaces with skin cover" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_robot_is_proposed_and_fitted_by_two_commands(tube, tmp_path, capsys):
     """Plans with channels that follow each other; a missing mesh fails alone; existing plans stay."""
     save_mesh(tube, tmp_path / "upper.ply")
@@ -466,6 +467,7 @@ def test_blender_keeps_the_directions_of_a_proposal(tube):
     assert len(numbers) > 20 and all(float(str(np.float32(x))) == x for x in numbers)
 
 
+@pytest.mark.slow
 def test_stated_area_is_that_of_surfaces_with_skin(tmp_path):
     """Boards of 20 mm fit on the two largest faces of a box only: those alone count as covered."""
     proposal = proposed(welded(subdivided(box((0, 0, 0), (0.06, 0.05, 0.03)))), tmp_path, "hexagons:20mm")

@@ -72,6 +72,7 @@ def test_boards_without_a_gap_fit_on_a_dome():
     assert not len(boards.overlaps()[0])
 
 
+@pytest.mark.slow
 def test_fill_gives_at_least_as_many_boards_as_any_given_pose():
     """Offset and rotation are free, near the origin; on a wrist the flat map is only an estimate."""
     boards, _ = lay_boards(FLOOR, SMALL, "fill", (0.05, 0.04, 0), (1, 0, 0))
