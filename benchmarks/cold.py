@@ -23,12 +23,7 @@ LONGEST = 120.0  # [s] for one child; a longer one is ended and gives no time
 def cold_milliseconds(link: str, prepare: Callable) -> float:
     """Return the time of a first call in a process of its own [ms]; NaN where it fails.
 
-    Parameters
-    ----------
-    link : str
-        Name of a link, which each process loads.
-    prepare : function
-        From the link to the function that is timed; it must be picklable.
+    ``prepare`` must be picklable. From the link, which each process loads by its name, it makes the timed function.
     """
     context = multiprocessing.get_context("forkserver")
     os.environ["PYTHONPATH"] = str(Path(__file__).parent)  # where the server finds our modules
