@@ -9,7 +9,7 @@ number of threads. All surfaces are measured by the same exact distances at as m
 - "ours, same planes": along the planes of the paper's method;
 - "ours, placed planes": as many planes, placed where they reduce the error most;
 - "ours, best net": as many control points, with the best ratio of planes to lines, too;
-- "ours, auto": the smallest net for a tolerance, with its proof;
+- "ours, auto": the smallest net for a tolerance;
 - "paper, letter": the paper's method as its text says (``paper_letter.py``);
 - "paper, strengthened": the best form of it that we found (``paper_strengthened.py``);
 - the peers, with our samples (``peers.py``).
