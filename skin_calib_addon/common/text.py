@@ -51,11 +51,10 @@ def text_of(data: bytes, path: str | os.PathLike[str]) -> str:
     except DecodingError as problem:
         raise CalibrationFormatError(f"'{path}' {problem}") from problem
     text = text.replace("\r\n", "\n").replace("\r", "\n")
-    lines = text.split("\n")
-    if len(lines) > MAX_TEXT_LINES:
-        message = f"cannot read '{path}': its {len(lines)} lines exceed the limit of {MAX_TEXT_LINES}."
-        raise CalibrationFormatError(message)
-    for number, line in enumerate(lines, 1):
+    lines = text.count("\n") + 1
+    if lines > MAX_TEXT_LINES:  # before they are split, which takes memory for each
+        raise CalibrationFormatError(f"cannot read '{path}': its {lines} lines exceed the limit of {MAX_TEXT_LINES}.")
+    for number, line in enumerate(text.split("\n"), 1):
         if len(line) > MAX_LINE_LENGTH:
             message = f"line {number} of '{path}' has {len(line)} characters; the limit is {MAX_LINE_LENGTH}."
             raise CalibrationFormatError(message)

@@ -294,9 +294,9 @@ def other_order(placement: Placement) -> str | None:
         mean = _mean(taxels.positions_link[other] - places)
         if mean < best and mean < max(patch.pitch):
             flips = [name for name, is_so in (("rows", flip_rows), ("columns", flip_columns)) if is_so]
-            order = ["column by column"] * by_columns
-            ends = [f"{' and '.join(flips)} counted from the other end"] * bool(flips)
-            best, description = mean, ", ".join(order + ends)
+            order = "column by column" if by_columns else ""
+            ends = f"{' and '.join(flips)} counted from the other end" if flips else ""
+            best, description = mean, ", ".join(part for part in (order, ends) if part)
     return description
 
 

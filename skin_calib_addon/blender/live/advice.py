@@ -59,11 +59,9 @@ def hidden_surface(warning: Warning, plan: Any) -> int | None:
     return None if index == shown_index(plan) else index
 
 
-def _sets(path: str, value: Any, where: Callable[["Subject"], bool]) -> Callable[..., Properties]:
-    """Return what sets a property of the plan to a value, where that applies."""
-    return lambda _warning, on, _metre: (
-        {"data_path": f"object.skin_calib.{path}", "value": value} if where(on) else None
-    )
+def _setting(path: str, value: Any) -> dict[str, Any]:
+    """Return what sets a property of the plan to a value."""
+    return {"data_path": f"object.skin_calib.{path}", "value": value}
 
 
 def _cut(warning: Warning, _on: Subject, metre: float) -> Properties:
@@ -71,16 +69,25 @@ def _cut(warning: Warning, _on: Subject, metre: float) -> Properties:
     return {"point": [x / metre for x in warning.where.point]} if warning.where.point else None
 
 
-def _sector(warning: Warning, on: Subject, metre: float) -> Properties:
+def _sector(_warning: Warning, on: Subject, _metre: float) -> Properties:
     """Return what makes the grid of a tube that of a sector."""
     name = "region" if on.kind == "auto" else "kind"
-    return _sets(f"grid.{name}", "sector", lambda on: getattr(on, name) == "tube")(warning, on, metre)
+    return _setting(f"grid.{name}", "sector") if getattr(on, name) == "tube" else None
+
+
+def _seen(_warning: Warning, on: Subject, _metre: float) -> Properties:
+    """Return what keeps only faces that are seen from outside."""
+    return None if on.shell == "seen" else _setting("cover.shell", "seen")
+
+
+def _outer(_warning: Warning, on: Subject, _metre: float) -> Properties:
+    """Return what keeps only the outer shell."""
+    return _setting("cover.shell", "outer") if on.shell == "all" else None
 
 
 def _tolerance(warning: Warning, on: Subject, metre: float) -> Properties:
     """Return what sets the tolerance to the best achievable error."""
-    best = (warning.value or 0.0) / metre
-    return _sets("grid.tolerance", best, lambda on: best > 0 and on.kind == "auto")(warning, on, metre)
+    return _setting("grid.tolerance", warning.value / metre) if warning.value and on.kind == "auto" else None
 
 
 def _margin(_warning: Warning, on: Subject, _metre: float) -> Properties:
@@ -102,13 +109,13 @@ def _fewer(warning: Warning, on: Subject, metre: float) -> Properties:
     i, skin = found
     name, pitch = ("columns", skin.pitch[1]) if warning.where.names.startswith("row") else ("rows", skin.pitch[0])
     count = getattr(skin, name) - ceil(warning.value / (pitch * metre))
-    return _sets(f"skins[{i}].{name}", count, lambda on: count >= 1)(warning, on, metre)
+    return _setting(f"skins[{i}].{name}", count) if count >= 1 else None
 
 
-def _trim(warning: Warning, on: Subject, metre: float) -> Properties:
+def _trim(warning: Warning, on: Subject, _metre: float) -> Properties:
     """Return what leaves out the cells of a sheet that are off the surface."""
-    i, skin = _skin_of(warning, on, "sheet") or (0, None)
-    return _sets(f"skins[{i}].trim", True, lambda on: skin is not None and not skin.trim)(warning, on, metre)
+    found = _skin_of(warning, on, "sheet")
+    return _setting(f"skins[{found[0]}].trim", True) if found and not found[1].trim else None
 
 
 def _paint(warning: Warning, on: Subject, _metre: float) -> Properties:
@@ -130,9 +137,7 @@ def _propose(warning: Warning, on: Subject, _metre: float) -> Properties:
 CUT = Action("skin_calib.cut_add", "Cut Here", _cut, "cut")
 SECTOR = Action("wm.context_set_enum", "Use a Sector", _sector, "sector")
 MARGIN = Action("skin_calib.margin_widen", "Widen the Margin", _margin, "margin")
-SEEN = Action(
-    "wm.context_set_enum", "Keep What Is Seen", _sets("cover.shell", "seen", lambda on: on.shell != "seen"), "seen"
-)
+SEEN = Action("wm.context_set_enum", "Keep What Is Seen", _seen, "seen")
 PROPOSE = Action("skin_calib.propose", "Propose", _propose)
 AXIS = Action("skin_calib.axis_from_sections", "Pick the Axis", _margin)
 HOLES = Action("skin_calib.show_defects", "Select Holes", lambda *_: {})
@@ -151,7 +156,7 @@ ACTIONS: dict[str, tuple[Action, ...]] = {
     "dropped-curves": (SEEN,),
     "not-converged": (AXIS,),
     "undercut": (CUT, SECTOR),
-    "chords-refused": (Action("wm.context_set_boolean", "Follow the Facets", _sets("chords", False, lambda on: True)),),
+    "chords-refused": (Action("wm.context_set_boolean", "Follow the Facets", lambda *_: _setting("chords", False)),),
     "overlap": (Action("wm.context_set_int", "Fewer Cells", _fewer),),
     "over-hole": (TRIM,),
     "board-gap": (PAINT,),
@@ -160,9 +165,7 @@ ACTIONS: dict[str, tuple[Action, ...]] = {
     "OutsideSurface": (TRIM,),
     "UnreachableTolerance": (Action("wm.context_set_float", "Allow This Error", _tolerance),),
     "InvalidPlan": (ACROSS,),  # of a thin sheet; otherwise the message names the field that is wrong
-    "parts": (
-        Action("wm.context_set_enum", "Keep Outer Shell", _sets("cover.shell", "outer", lambda on: on.shell == "all")),
-    ),
+    "parts": (Action("wm.context_set_enum", "Keep Outer Shell", _outer),),
     "holes": (HOLES,),
     "branching-edges": (Action("skin_calib.show_defects", "Select Edges", lambda *_: {}),),
 }

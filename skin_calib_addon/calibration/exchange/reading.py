@@ -20,8 +20,10 @@ from .urdf import ROOT, read_urdf
 READERS: dict[str, Callable[[str], Draft]] = {
     "icub": read_icub,
     "tum": read_tum,
-    **dict.fromkeys(("csv", "gentact"), read_table),
-    **dict.fromkeys(("urdf", "urdf-tactile"), read_urdf),
+    "csv": read_table,
+    "gentact": read_table,
+    "urdf": read_urdf,
+    "urdf-tactile": read_urdf,
 }
 CLOUDS: dict[str, Callable[[bytes], Draft]] = {"ply": read_ply, "pcd": read_pcd}
 READABLE = (*READERS, *CLOUDS)

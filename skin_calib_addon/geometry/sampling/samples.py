@@ -6,14 +6,14 @@ from functools import cached_property
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, IntArray, along, tangential, unit
+from ...common.arrays import Array, BoolArray, IntArray, tangential, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from .basis import TensorBasis
 from .lines import LineGrid
 from .off_cover import off_cover
 from .planes import Planes
 from .rays import RayCaster
-from .sections import Sections, cut_sections
+from .sections import Sections, coordinates, cut_sections
 
 # [cosine] between a ray and a facet's normal below which the distance to the facet's plane is not used, because the
 # facet is nearly parallel to the ray. Larger: fewer facets are used.
@@ -113,7 +113,7 @@ class SampleRows:
         """Cut the mesh with the planes in which rays will start."""
         flat = planes.are_parallel()
         axes = frames_of(planes.normals[:1], first[:1]) if flat else frames_of(planes.normals, first)
-        flat_vertices = np.stack([along(mesh.vertices, axis) for axis in axes[0]]).T if flat else None
+        flat_vertices = np.stack([coordinates(mesh, axis) for axis in axes[0]]).T if flat else None
         sections = cut_sections(mesh, planes, flat_vertices)
         caster = RayCaster(
             sections.plane,

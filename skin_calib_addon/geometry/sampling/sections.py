@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, IntArray
+from ...common.arrays import Array, BoolArray, IntArray, along, locked, ranges
 from ..mesh.triangle_mesh import TriangleMesh
 from .planes import Planes
 
@@ -39,12 +40,24 @@ def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None
     with the vertices p_a and p_b and their heights h_a and h_b above the plane [m].
     """
     values, slack = mesh.vertices if values is None else values, ON_PLANE_FRACTION * mesh.size
+    if planes.are_parallel():
+        return _cut_parallel(mesh, slack, planes, values)
     starts = range(0, len(planes), BLOCK_PLANES)
     blocks = [slice(start, start + BLOCK_PLANES) for start in starts]
     cuts = [_cut(mesh, slack, planes.points[block], planes.normals[block], values) for block in blocks]
     plane = [plane + start for (plane, _, _), start in zip(cuts, starts)]
     _, face, ends = zip(*cuts)
     return Sections(np.concatenate(plane), np.concatenate(face), np.concatenate(ends), len(planes))
+
+
+def coordinates(mesh: TriangleMesh, direction: Array) -> Array:
+    """Return the components of the vertices of a mesh along a direction, shape (v,) [m]; the last ones are kept."""
+    return _coordinates(mesh, direction.tobytes())
+
+
+@lru_cache(maxsize=12)  # previews cut one mesh along the same axes
+def _coordinates(mesh: TriangleMesh, direction: bytes) -> Array:
+    return locked(along(mesh.vertices, np.frombuffer(direction)))
 
 
 # Indexed by the corners above a plane (sum of 1, 2 and 4 for the first, second and third corner): the corner that is
@@ -55,10 +68,44 @@ START = np.array((0, 1, 2, 1, 0, 0, 2, 0))
 STOP = np.array((0, 2, 0, 0, 1, 2, 1, 0))
 
 
+def _cut_parallel(mesh: TriangleMesh, slack: float, planes: Planes, values: Array) -> Sections:
+    """Cut with parallel planes: the rank of the height of each vertex among the planes gives all cuts."""
+    height, level = coordinates(mesh, planes.normals[0]), along(planes.points, planes.normals[0])
+    order = np.argsort(level, kind="stable")
+    rank = np.zeros(len(height), np.int16)  # number of planes below each vertex
+    for one in level:  # a comparison per level is faster than a bisection per vertex
+        rank += height > one + slack
+    next_level = np.append(level[order], np.inf)[rank]
+    on_plane = height >= next_level - slack
+    a, b, c = (rank[corner] for corner in mesh.corners)
+    first = np.minimum(np.minimum(a, b), c)
+    count = np.maximum(np.maximum(a, b), c) - first
+    cut = np.flatnonzero(count)
+    count, first = count[cut].astype(np.int64), first[cut].astype(np.int64)
+    part = np.repeat(np.arange(len(cut)), count)
+    level_index = ranges(first, count)
+    is_above = [rank[cut][part] > level_index for rank in (a, b, c)]
+    above = is_above[0] + 2 * is_above[1] + 4 * is_above[2]
+    face = cut[part]
+    if on_plane.any():
+        height = np.where(on_plane, next_level, height)
+        rims = _rims_of_ranks(mesh, level[order], rank.astype(np.int64), on_plane)
+        level_index, face, above = (np.concatenate(x) for x in zip((level_index, face, above), rims))
+    by_plane = (
+        np.lexsort((face, order[level_index]))
+        if on_plane.any()
+        else np.argsort(order[level_index].astype(np.int16), kind="stable")
+    )
+    face, above, plane = face[by_plane], above[by_plane], order[level_index[by_plane]]
+    lift = level[plane]
+    ends = _segments(mesh, values, face, above, lambda vertex: height[vertex] - lift)
+    return Sections(plane, face, ends, len(planes))
+
+
 def _cut(
     mesh: TriangleMesh, slack: float, points: Array, normals: Array, values: Array
 ) -> tuple[IntArray, IntArray, Array]:
-    """Cut with a block of planes: each vertex is compared with each plane. Return plane, face and ends of segments."""
+    """Compare each vertex with each plane of a block, of any direction; return plane, face and ends of the segments."""
     # Not by BLAS, whose rounding depends on its number of threads, and on the vertices that are compared together: a
     # program and a window must give the same bytes.
     height = sum(map(np.multiply.outer, normals.T, mesh.vertices.T))
@@ -92,6 +139,28 @@ def _near(mesh: TriangleMesh, is_higher: BoolArray, on_plane: BoolArray) -> IntA
         a, b, c = (sides[corner] for corner in mesh.corners)
         found |= (a | b | c) != (a & b & c)
     return np.flatnonzero(found)
+
+
+def _rims_of_ranks(
+    mesh: TriangleMesh, level: Array, rank: IntArray, on_plane: BoolArray
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Return the rims (r,) in parallel planes: index of the level, face, and the corners on the plane as in ``TIP``."""
+    are_on = [on_plane[corner] for corner in mesh.corners]
+    near = np.flatnonzero((are_on[0] & are_on[1]) | (are_on[1] & are_on[2]) | (are_on[2] & are_on[0]))
+    a, b, c = (
+        np.where(is_on[near], rank[corner[near]], -1 - i) for i, (is_on, corner) in enumerate(zip(are_on, mesh.corners))
+    )
+    on = 3 * (a == b) + 6 * (b == c) + 5 * (c == a)  # 14: all corners are on one plane
+    edges = (on == 3) | (on == 6) | (on == 5)
+    face, on = near[edges], on[edges]
+    first = mesh.faces[face, np.where(on == 6, 1, 0)]
+    tip = mesh.faces[face, TIP[on]]
+    level_index = rank[first]
+    rim = _are_rims(mesh, level_index, face, on, rank[tip] > level_index)
+    level_index, face, on = level_index[rim], face[rim], on[rim]
+    equal = np.searchsorted(level, level[level_index], side="right") - level_index  # planes at this height
+    part = np.repeat(np.arange(len(face)), equal)
+    return ranges(level_index, equal), face[part], on[part]
 
 
 def _are_rims(mesh: TriangleMesh, plane: IntArray, face: IntArray, on: IntArray, is_above: BoolArray) -> BoolArray:

@@ -57,8 +57,8 @@ def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overh
         ports=_ports(ids, positions, sides, pairs),
         quality={
             "gap": boards.gaps(),
-            "tilt": _largest_of(angles(normals, pairs), pairs, len(ids)),
-            "pitch_error": _largest_of(np.abs(_distances(positions, linked) - lattice.pitch), linked, len(ids)),
+            "tilt": _largest_or_zero(angles(normals, pairs), pairs, len(ids)),
+            "pitch_error": _largest_or_zero(np.abs(_distances(positions, linked) - lattice.pitch), linked, len(ids)),
             "collision": _collisions(boards),
         }
         | ({} if overhang is None else {"overhang": overhang}),
@@ -82,7 +82,7 @@ def with_tilts(patches: tuple[Patch, ...]) -> tuple[Patch, ...]:
     pairs = neighbour_rows(ids, (others for patch in patches for others in patch.taxels.neighbours))
     normals = np.concatenate([patch.taxels.normals_link for patch in patches])
     ends = np.cumsum([len(patch.taxels.ids) for patch in patches])
-    tilts = np.split(_largest_of(angles(normals, pairs), pairs, len(ids)), ends[:-1])
+    tilts = np.split(_largest_or_zero(angles(normals, pairs), pairs, len(ids)), ends[:-1])
     return tuple(
         replace(patch, taxels=replace(patch.taxels, quality=patch.taxels.quality | {"tilt": tilt}))
         if "tilt" in patch.taxels.quality
@@ -91,7 +91,7 @@ def with_tilts(patches: tuple[Patch, ...]) -> tuple[Patch, ...]:
     )
 
 
-def _largest_of(values: Array, pairs: IntArray, count: int) -> Array:
+def _largest_or_zero(values: Array, pairs: IntArray, count: int) -> Array:
     """Return the largest value of the pairs that begin at each board, zero without a pair, shape (count,)."""
     return np.nan_to_num(largest_of(values, pairs, count))
 

@@ -3,7 +3,8 @@
 from unittest import mock
 
 import numpy as np
-from hypothesis import given
+import pytest
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -22,6 +23,11 @@ def level(heights, normal=UP):
     """Parallel planes."""
     points = np.outer(heights, normal)
     return Planes(points, np.tile(normal, (len(points), 1)))
+
+
+def tilted_too(planes):
+    """The same planes and one more of another direction, so that no short cut for parallel ones applies."""
+    return Planes(np.vstack((planes.points, (0, 0, 0.04))), np.vstack((planes.normals, (0.6, 0.0, 0.8))))
 
 
 @st.composite
@@ -50,10 +56,11 @@ def assert_is_the_oracle(sections, mesh, planes):
 
 @given(mesh=grainy_meshes(), heights=st.lists(st.integers(-1, 9), min_size=1, max_size=5))
 def test_sections_are_those_of_one_face_at_a_time(mesh, heights):
-    """Parallel planes in any order, doubled or missing the mesh, mostly through vertices, in blocks of two."""
+    """Parallel planes in any order, doubled or missing the mesh, mostly through vertices: both paths, blocks of two."""
     planes = level(np.array(heights) / 8)
+    assert_is_the_oracle(cut_sections(mesh, planes), mesh, planes)
     with mock.patch.object(sections_module, "BLOCK_PLANES", 2):
-        assert_is_the_oracle(cut_sections(mesh, planes), mesh, planes)
+        assert_is_the_oracle(cut_sections(mesh, tilted_too(planes)), mesh, tilted_too(planes))
 
 
 @given(mesh=grainy_meshes(), seed=seeds)
@@ -62,6 +69,21 @@ def test_tilted_sections_are_those_of_one_face_at_a_time(mesh, seed):
     rng = np.random.default_rng(seed)
     planes = Planes(rng.uniform(0, 1, (4, 3)), rng.normal(size=(4, 3)))
     assert_is_the_oracle(cut_sections(mesh, planes), mesh, planes)
+
+
+@given(heights=st.lists(st.floats(0.001, 0.099), min_size=2, max_size=6), seed=seeds)
+def test_sections_do_not_depend_on_the_path(heights, seed):
+    """Parallel planes cut alone and in the company of a tilted one give the same segments."""
+    motion = Motion(seed)
+    mesh = motion.mesh(cylinder(around=24, along=7))
+    direction = motion.directions(UP)
+    planes = Planes(motion.points(np.outer(heights, UP)), np.tile(direction, (len(heights), 1)))
+    clear = np.abs((mesh.vertices - motion.shift) @ direction - np.array(heights)[:, None]).min()
+    assume(clear > 1e-9)  # so that rounding puts no vertex on the other side
+    alone, company = cut_sections(mesh, planes), cut_sections(mesh, tilted_too(planes))
+    with_us = company.plane < len(planes)
+    assert (alone.plane == company.plane[with_us]).all() and (alone.face == company.face[with_us]).all()
+    assert_allclose(alone.ends, company.ends[with_us], rtol=0, atol=1e-12)
 
 
 @given(seed=seeds)
@@ -107,10 +129,11 @@ def test_ridge_in_the_plane_is_one_curve():
     """Two faces below their common edge give it once; a face above the edge leaves the cut of that face."""
     vertices, faces = ((0, 0, 1), (1, 0, 1), (0, 1, 0), (0, -1, 0), (0, 0, 2)), ((0, 1, 2), (1, 0, 3), (0, 1, 4))
     roof, wall = weld(vertices, faces[:2]), weld(vertices, faces)
-    for mesh in (roof, wall):
-        sections = cut_sections(mesh, level([1.0, 1.0]))
-        assert np.bincount(sections.plane).tolist() == [1, 1]
-        assert (np.sort(sections.ends[0], axis=0) == ((0, 0, 1), (1, 0, 1))).all()
+    for planes in (level([1.0, 1.0]), tilted_too(level([1.0, 1.0]))):
+        for mesh in (roof, wall):
+            sections = cut_sections(mesh, planes)
+            assert np.bincount(sections.plane)[:2].tolist() == [1, 1]
+            assert (np.sort(sections.ends[0], axis=0) == ((0, 0, 1), (1, 0, 1))).all()
 
 
 @given(seed=seeds)
@@ -123,15 +146,17 @@ def test_rim_and_cuts_next_to_it_are_one_closed_curve(seed):
     motion = Motion(seed)
     mesh = motion.mesh(weld(raised, tube.faces))
     planes = Planes(motion.points((0, 0, LENGTH))[None], motion.directions(UP)[None])
-    ends = cut_sections(mesh, planes).ends
-    long = (ends[:, 0] != ends[:, 1]).any(axis=1)
-    starts, stops = (sorted(map(bytes, ends[long, k])) for k in (0, 1))
-    assert len(starts) >= 16 and starts == stops
+    for cut in (planes, tilted_too(planes)):
+        sections = cut_sections(mesh, cut)
+        ends = sections.ends[sections.plane == 0]
+        long = (ends[:, 0] != ends[:, 1]).any(axis=1)
+        starts, stops = (sorted(map(bytes, ends[long, k])) for k in (0, 1))
+        assert len(starts) >= 16 and starts == stops
 
 
-def test_segments_have_the_face_normal_on_their_right():
+@pytest.mark.parametrize("planes", [level([0.02, 0.05]), tilted_too(level([0.02, 0.05]))])
+def test_segments_have_the_face_normal_on_their_right(planes):
     """Seen with the plane's normal towards the eye, a walk along a segment has the outside of the face on its right."""
-    planes = level([0.02, 0.05])
     for mesh in (cylinder(), box((-0.03, -0.03, 0), (0.03, 0.03, 0.1))):
         sections = cut_sections(mesh, planes)
         along = sections.ends[:, 1] - sections.ends[:, 0]
@@ -143,9 +168,9 @@ def test_segments_have_the_face_normal_on_their_right():
 def test_segments_lie_in_their_plane_and_face():
     """Every end is on its plane and within the box of its face, on an irregular mesh."""
     mesh = wrist()
-    planes = level(np.linspace(0.01, 0.09, 7))
+    planes = tilted_too(level(np.linspace(0.01, 0.09, 7)))
     sections = cut_sections(mesh, planes)
-    assert sections.planes == 7 and (np.diff(sections.plane) >= 0).all()
+    assert sections.planes == 8 and (np.diff(sections.plane) >= 0).all()
     offsets = ((sections.ends - planes.points[sections.plane][:, None]) * planes.normals[sections.plane][:, None]).sum(
         2
     )
@@ -157,8 +182,9 @@ def test_segments_lie_in_their_plane_and_face():
 
 def test_sections_of_nothing_are_empty():
     """Planes that all miss the mesh give no segments, and are still counted."""
-    sections = cut_sections(box((0, 0, 1), (0.1, 0.1, 1.1)), level([-1.0, 2.0]))
-    assert sections.ends.shape == (0, 2, 3) and sections.planes == 2
+    for planes in (level([-1.0, 2.0]), tilted_too(level([-1.0, 2.0]))):
+        sections = cut_sections(box((0, 0, 1), (0.1, 0.1, 1.1)), planes)
+        assert sections.ends.shape == (0, 2, 3) and sections.planes == len(planes)
 
 
 def test_planes_are_parallel_only_to_the_bit():
