@@ -159,7 +159,7 @@ def fit_lines(
     basis = TensorBasis.of(lines, *degree, DRAFT_SITES_PER_SPAN if draft else SITES_PER_SPAN)
     if chords and len(mesh.faces) < len(basis.N) * len(basis.M):
         basis = TensorBasis.of(lines, *degree, CHORD_SITES_PER_SPAN)
-    rows = SampleRows.of(mesh, lines, basis)
+    rows = SampleRows.of(mesh, lines, basis, again=draft)
     offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size) if start is None else start
     samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
     check_coverage(mesh, lines, basis, samples)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from .sections import Sections, coordinates, cut_sections
 # [cosine] between a ray and a facet's normal below which the distance to the facet's plane is not used, because the
 # facet is nearly parallel to the ray. Larger: fewer facets are used.
 MIN_FACET_COSINE = 0.2
+
+# [1] sections of one mesh that previews keep. Larger: more memory; smaller: more sections are cut again.
+MAX_KNOWN_SECTIONS = 300
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +91,7 @@ class SampleRows:
     closed: bool = False  # whether the last ray of a row is next to its first
 
     @classmethod
-    def of(cls, mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis) -> "SampleRows":
+    def of(cls, mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, again: bool = False) -> "SampleRows":
         """Cut the mesh with a plane through every row of sample sites; most of them are between the author's planes."""
         points = basis.N @ lines.origins[:, 0]
         parallel = lines.planes_u.are_parallel()
@@ -97,7 +100,7 @@ class SampleRows:
         concurrent = bool((lines.origins == lines.origins[:, :1]).all())
         direction = lines.directions[0, 0] if (lines.directions == lines.directions[0, 0]).all() else None
         first = basis.N @ lines.directions[:, 0]
-        rows = cls.cut(mesh, planes, basis.blend(lines.origins), first, concurrent, direction)
+        rows = cls.cut(mesh, planes, basis.blend(lines.origins), first, concurrent, direction, again)
         return replace(rows, region=lines.region, closed=lines.closed)
 
     @classmethod
@@ -109,15 +112,15 @@ class SampleRows:
         first: Array,
         concurrent: bool,
         direction: Array | None,
+        again: bool = False,
     ) -> "SampleRows":
         """Cut the mesh with the planes in which rays will start."""
         flat = planes.are_parallel()
         axes = frames_of(planes.normals[:1], first[:1]) if flat else frames_of(planes.normals, first)
-        flat_vertices = np.stack([coordinates(mesh, axis) for axis in axes[0]]).T if flat else None
-        sections = cut_sections(mesh, planes, flat_vertices)
+        sections, ends = (known_sections if again else framed_sections)(mesh, planes, axes)
         caster = RayCaster(
             sections.plane,
-            flat_ends(sections, planes, axes),
+            ends,
             len(planes),
             centres=np.zeros((len(planes), 2)) if concurrent else None,
             direction=axes[0] @ direction if direction is not None else None,
@@ -177,6 +180,39 @@ def cast_rays(mesh: TriangleMesh, planes: Planes, origins: Array, directions: Ar
     concurrent = bool((origins == planes.points[:, None]).all())
     rows = SampleRows.cut(mesh, planes, origins, directions[:, 0], concurrent, None if concurrent else directions[0, 0])
     return rows.cast(directions).residuals + 1
+
+
+def framed_sections(mesh: TriangleMesh, planes: Planes, axes: Array) -> tuple[Sections, Array]:
+    """Cut a mesh, and return the sections with their ends (s, 2, 2) [m] in the frames of their rows."""
+    flat_vertices = np.stack([coordinates(mesh, axis) for axis in axes[0]]).T if len(axes) == 1 else None
+    sections = cut_sections(mesh, planes, flat_vertices)
+    return sections, flat_ends(sections, planes, axes)
+
+
+def known_sections(mesh: TriangleMesh, planes: Planes, axes: Array) -> tuple[Sections, Array]:
+    """Return the same as :func:`framed_sections` for a preview: only planes that are not known are cut."""
+    known, flat = _known_sections(mesh), len(axes) == 1
+    frames = np.broadcast_to(axes, (len(planes), 2, 3)).reshape(-1, 6)
+    keys = [(flat, row.tobytes()) for row in np.hstack((planes.points, planes.normals, frames))]
+    moved = [i for i, key in enumerate(keys) if key not in known]
+    if len(known) + len(moved) > MAX_KNOWN_SECTIONS:
+        known.clear()
+        moved = list(range(len(keys)))
+    if moved:
+        cut = Planes(planes.points[moved], planes.normals[moved])
+        sections, ends = framed_sections(mesh, cut, axes if flat else axes[moved])
+        bounds = np.searchsorted(sections.plane, np.arange(len(moved) + 1))
+        for i, start, stop in zip(moved, bounds, bounds[1:]):
+            known[keys[i]] = sections.face[start:stop], sections.ends[start:stop], ends[start:stop]
+    face, ends, flat_ones = (np.concatenate(parts) for parts in zip(*(known[key] for key in keys)))
+    plane = np.repeat(np.arange(len(keys)), [len(known[key][0]) for key in keys])
+    return Sections(plane, face, ends, len(keys)), flat_ones
+
+
+@lru_cache(maxsize=4)
+def _known_sections(mesh: TriangleMesh) -> dict[tuple[bool, bytes], tuple[IntArray, Array, Array]]:
+    """Return faces and ends of the known sections of a mesh, by the kind of the ends and by plane with frame."""
+    return {}
 
 
 def flat_ends(sections: Sections, planes: Planes, axes: Array) -> Array:

@@ -1,20 +1,28 @@
 """Sections of a mesh with planes: all planes in one pass, as segments on which rays can be cast."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, IntArray, along, locked, ranges
+from ...common.arrays import Array, BoolArray, IntArray, along, locked, ranges, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from .planes import Planes
 
 # [fraction of the mesh size] height of a vertex above or below a plane within which it is on the plane. It covers the
 # rounding of files in single precision: 0.02 um on a link of 200 mm. Larger: planes near a rim are moved onto it.
 ON_PLANE_FRACTION = 1e-7
-# [1] planes that are compared with all vertices at a time. Larger: more memory.
-BLOCK_PLANES = 32
+
+# [1] faces from which on only those near the planes are cut. Smaller: sorting them takes longer than cutting all.
+MIN_SORTED_FACES = 30_000
+# [1] steps of the components of a direction, so that planes with small tilts use the same sorted faces. Larger: fewer
+# faces are near, and the faces are sorted more often.
+DIRECTION_STEPS = 8
+# [cosine] between a plane's normal and this direction below which all faces are cut.
+MIN_STACK_COSINE = 0.5
+# [fraction of the mesh size] extent below which faces are in one class. Larger: more faces are compared.
+SMALLEST_EXTENT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,14 +48,15 @@ def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None
     with the vertices p_a and p_b and their heights h_a and h_b above the plane [m].
     """
     values, slack = mesh.vertices if values is None else values, ON_PLANE_FRACTION * mesh.size
-    if planes.are_parallel():
-        return _cut_parallel(mesh, slack, planes, values)
-    starts = range(0, len(planes), BLOCK_PLANES)
-    blocks = [slice(start, start + BLOCK_PLANES) for start in starts]
-    cuts = [_cut(mesh, slack, planes.points[block], planes.normals[block], values) for block in blocks]
-    plane = [plane + start for (plane, _, _), start in zip(cuts, starts)]
-    _, face, ends = zip(*cuts)
-    return Sections(np.concatenate(plane), np.concatenate(face), np.concatenate(ends), len(planes))
+    parallel = planes.are_parallel()
+    near = _faces_near(mesh, planes, slack, parallel)
+    part, used = (mesh, slice(None)) if near is None else _part_of(mesh, near)
+    if parallel:
+        height = coordinates(mesh, planes.normals[0])[used]
+        sections = _cut_parallel(part, height, slack, planes, values[used])
+    else:
+        sections = _cut_any(part, slack, planes, values[used])
+    return sections if near is None else replace(sections, face=near[sections.face])
 
 
 def coordinates(mesh: TriangleMesh, direction: Array) -> Array:
@@ -68,9 +77,103 @@ START = np.array((0, 1, 2, 1, 0, 0, 2, 0))
 STOP = np.array((0, 2, 0, 0, 1, 2, 1, 0))
 
 
-def _cut_parallel(mesh: TriangleMesh, slack: float, planes: Planes, values: Array) -> Sections:
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Some faces of a mesh, with their own numbers of vertices, in the order of the mesh."""
+
+    vertices: Array  # (v, 3) [m]
+    faces: IntArray  # (f, 3)
+    corners: tuple[IntArray, IntArray, IntArray]  # columns of ``faces``
+
+
+def _part_of(mesh: TriangleMesh, faces: IntArray) -> tuple[_Part, IntArray]:
+    """Return the part of a mesh with some faces (ascending), and the indices of its vertices in the mesh."""
+    corners = [corner[faces] for corner in mesh.corners]
+    is_used = np.zeros(len(mesh.vertices), bool)
+    for corner in corners:
+        is_used[corner] = True
+    used = np.flatnonzero(is_used)
+    number = np.empty(len(is_used), np.int64)
+    number[used] = np.arange(len(used))
+    a, b, c = (number[corner] for corner in corners)
+    return _Part(mesh.vertices[used], np.stack((a, b, c), axis=1), (a, b, c)), used
+
+
+def _faces_near(mesh: TriangleMesh, planes: Planes, slack: float, parallel: bool) -> IntArray | None:
+    """Return the faces that may touch a plane, ascending; None for all faces, where finding them takes longer."""
+    if len(mesh.faces) < MIN_SORTED_FACES:
+        return None
+    towards = planes.normals[0]
+    if not parallel or len(planes) == 1:  # one sorting serves tilted planes
+        towards = unit(np.rint(towards * DIRECTION_STEPS))
+    stack = _stack(mesh, towards.tobytes())
+    stack.uses += 1
+    if stack.uses == 1:
+        return None
+    cosine = along(planes.normals, towards)
+    if cosine.min() < MIN_STACK_COSINE:
+        return None
+    sine = np.linalg.norm(planes.normals - cosine[:, None] * towards, axis=1)
+    # Where the plane meets the mesh, it is at most this far from the height of its own point.
+    margin = (2 * slack + sine * (stack.radius + stack.across(planes.points))) / cosine
+    level = along(planes.points, towards)
+    return stack.between(level - margin, level + margin)
+
+
+class _Stack:
+    """The faces of a mesh, sorted by their heights along a direction from the second use on."""
+
+    def __init__(self, mesh: TriangleMesh, towards: Array):
+        self.mesh, self.towards, self.uses = mesh, towards, 0
+
+    @cached_property
+    def middle(self) -> Array:
+        """Return the mean vertex, shape (3,) [m]."""
+        return self.mesh.vertices.mean(axis=0)
+
+    @cached_property
+    def radius(self) -> float:
+        """Return the largest distance of a vertex from the line through the middle along the direction [m]."""
+        return float(self.across(self.mesh.vertices).max())
+
+    def across(self, points: Array) -> Array:
+        """Return the distances of points (k, 3) from this line, shape (k,) [m]."""
+        arms = points - self.middle
+        return np.linalg.norm(arms - along(arms, self.towards)[:, None] * self.towards, axis=1)
+
+    @cached_property
+    def classes(self) -> list[tuple[IntArray, Array, Array, float]]:
+        """Return faces of similar extents: their indices, their lower ends in ascending order, upper ends, extent."""
+        height = coordinates(self.mesh, self.towards)
+        a, b, c = (height[corner] for corner in self.mesh.corners)
+        low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+        order = np.argsort(low)
+        kind = np.clip(np.ceil(np.log2((high - low) / self.mesh.size + SMALLEST_EXTENT)), None, 0).astype(int)[order]
+        found = []
+        for one in np.unique(kind):
+            faces = order[kind == one]
+            found.append((faces, low[faces], high[faces], float((high - low)[faces].max())))
+        return found
+
+    def between(self, low: Array, high: Array) -> IntArray:
+        """Return the faces that are partly within any of some intervals (k,), ascending."""
+        is_near = np.zeros(len(self.mesh.faces), bool)
+        for faces, start, stop, extent in self.classes:
+            first, last = np.searchsorted(start, low - extent), np.searchsorted(start, high, side="right")
+            count = np.maximum(last - first, 0)
+            index = ranges(first, count)
+            is_near[faces[index[stop[index] >= np.repeat(low, count)]]] = True
+        return np.flatnonzero(is_near)
+
+
+@lru_cache(maxsize=4)  # previews cut one mesh along few directions
+def _stack(mesh: TriangleMesh, towards: bytes) -> _Stack:
+    return _Stack(mesh, np.frombuffer(towards))
+
+
+def _cut_parallel(mesh: TriangleMesh | _Part, height: Array, slack: float, planes: Planes, values: Array) -> Sections:
     """Cut with parallel planes: the rank of the height of each vertex among the planes gives all cuts."""
-    height, level = coordinates(mesh, planes.normals[0]), along(planes.points, planes.normals[0])
+    level = along(planes.points, planes.normals[0])
     order = np.argsort(level, kind="stable")
     rank = np.zeros(len(height), np.int16)  # number of planes below each vertex
     for one in level:  # a comparison per level is faster than a bisection per vertex
@@ -102,14 +205,12 @@ def _cut_parallel(mesh: TriangleMesh, slack: float, planes: Planes, values: Arra
     return Sections(plane, face, ends, len(planes))
 
 
-def _cut(
-    mesh: TriangleMesh, slack: float, points: Array, normals: Array, values: Array
-) -> tuple[IntArray, IntArray, Array]:
-    """Compare each vertex with each plane of a block, of any direction; return plane, face and ends of the segments."""
+def _cut_any(mesh: TriangleMesh | _Part, slack: float, planes: Planes, values: Array) -> Sections:
+    """Cut with planes of any direction: each vertex is compared with each plane."""
     # Not by BLAS, whose rounding depends on its number of threads, and on the vertices that are compared together: a
     # program and a window must give the same bytes.
-    height = sum(map(np.multiply.outer, normals.T, mesh.vertices.T))
-    height = height - (points * normals).sum(axis=1)[:, None]
+    height = sum(map(np.multiply.outer, planes.normals.T, mesh.vertices.T))
+    height = height - (planes.points * planes.normals).sum(axis=1)[:, None]
     is_higher = height > slack
     on_plane = is_higher != (height >= -slack)
     near = _near(mesh, is_higher, on_plane)
@@ -128,10 +229,10 @@ def _cut(
         above[plane, face], is_cut[plane, face] = on[plane, face], True
     plane, face = np.nonzero(is_cut)
     ends = _segments(mesh, values, near[face], above[plane, face], lambda vertex: height[plane, vertex])
-    return plane, near[face], ends
+    return Sections(plane, near[face], ends, len(planes))
 
 
-def _near(mesh: TriangleMesh, is_higher: BoolArray, on_plane: BoolArray) -> IntArray:
+def _near(mesh: TriangleMesh | _Part, is_higher: BoolArray, on_plane: BoolArray) -> IntArray:
     """Return the faces with corners on both sides of a plane, or on a plane; the sides of eight planes are one byte."""
     on_any = on_plane.any(axis=0)
     found = on_any[mesh.corners[0]] | on_any[mesh.corners[1]] | on_any[mesh.corners[2]]
@@ -142,7 +243,7 @@ def _near(mesh: TriangleMesh, is_higher: BoolArray, on_plane: BoolArray) -> IntA
 
 
 def _rims_of_ranks(
-    mesh: TriangleMesh, level: Array, rank: IntArray, on_plane: BoolArray
+    mesh: TriangleMesh | _Part, level: Array, rank: IntArray, on_plane: BoolArray
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Return the rims (r,) in parallel planes: index of the level, face, and the corners on the plane as in ``TIP``."""
     are_on = [on_plane[corner] for corner in mesh.corners]
@@ -163,7 +264,9 @@ def _rims_of_ranks(
     return ranges(level_index, equal), face[part], on[part]
 
 
-def _are_rims(mesh: TriangleMesh, plane: IntArray, face: IntArray, on: IntArray, is_above: BoolArray) -> BoolArray:
+def _are_rims(
+    mesh: TriangleMesh | _Part, plane: IntArray, face: IntArray, on: IntArray, is_above: BoolArray
+) -> BoolArray:
     """Return which edges (k,) in a plane are rims: the first face below each edge without a face above it."""
     corners = mesh.faces[face]
     edge = np.sort(
@@ -178,7 +281,7 @@ def _are_rims(mesh: TriangleMesh, plane: IntArray, face: IntArray, on: IntArray,
 
 
 def _segments(
-    mesh: TriangleMesh, values: Array, face: IntArray, above: IntArray, height: Callable[[IntArray], Array]
+    mesh: TriangleMesh | _Part, values: Array, face: IntArray, above: IntArray, height: Callable[[IntArray], Array]
 ) -> Array:
     """Return the ends of the segment in which a plane cuts each face, shape (s, 2, c)."""
     corners, base = mesh.faces.reshape(-1), 3 * face

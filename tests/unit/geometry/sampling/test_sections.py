@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
+from skin_calib_addon.geometry.sampling import samples as samples_module
 from skin_calib_addon.geometry.sampling import sections as sections_module
-from skin_calib_addon.geometry.sampling.planes import Planes
-from skin_calib_addon.geometry.sampling.sections import cut_sections
+from skin_calib_addon.geometry.sampling.planes import Planes, perpendicular
+from skin_calib_addon.geometry.sampling.samples import framed_sections, known_sections
+from skin_calib_addon.geometry.sampling.sections import _faces_near, cut_sections
 from tests.oracles import cut_triangle, rim_in_plane
 from tests.shapes import LENGTH, Motion, box, cylinder, wrist
 
@@ -56,11 +58,10 @@ def assert_is_the_oracle(sections, mesh, planes):
 
 @given(mesh=grainy_meshes(), heights=st.lists(st.integers(-1, 9), min_size=1, max_size=5))
 def test_sections_are_those_of_one_face_at_a_time(mesh, heights):
-    """Parallel planes in any order, doubled or missing the mesh, mostly through vertices: both paths, blocks of two."""
+    """Parallel planes in any order, doubled or missing the mesh, mostly through vertices: both paths, every end."""
     planes = level(np.array(heights) / 8)
     assert_is_the_oracle(cut_sections(mesh, planes), mesh, planes)
-    with mock.patch.object(sections_module, "BLOCK_PLANES", 2):
-        assert_is_the_oracle(cut_sections(mesh, tilted_too(planes)), mesh, tilted_too(planes))
+    assert_is_the_oracle(cut_sections(mesh, tilted_too(planes)), mesh, tilted_too(planes))
 
 
 @given(mesh=grainy_meshes(), seed=seeds)
@@ -200,3 +201,53 @@ def test_planes_made_of_planes_are_the_same(seed):
     rng = np.random.default_rng(seed)
     planes = Planes(rng.normal(size=(20, 3)), rng.normal(size=(20, 3)))
     assert (Planes(planes.points, planes.normals).normals == planes.normals).all()
+
+
+@given(mesh=grainy_meshes(), seed=seeds)
+def test_faces_near_the_planes_give_the_same_sections(mesh, seed):
+    """Parallel planes and single ones to the bit, tilted ones but for rounding, through vertices and next to them."""
+    rng = np.random.default_rng(seed)
+    normal = perpendicular(rng.normal(size=3)) if seed % 2 else np.array(UP)
+    points = rng.choice(mesh.vertices, 5) + rng.choice((0.0, 5e-8, -5e-8, 0.01), (5, 1)) * normal
+    even = np.tile(normal, (5, 1))
+    for normals in (even, even + 0.1 * rng.normal(size=(5, 3)), even + rng.normal(size=(5, 3))):
+        for planes in (Planes(points, normals), Planes(points[:1], normals[:1])):
+            expected = cut_sections(mesh, planes)
+            with mock.patch.object(sections_module, "MIN_SORTED_FACES", 0):
+                for _ in range(2):  # faces are sorted at the second use
+                    found = cut_sections(mesh, planes)
+                    assert (cut_sections(mesh, planes).ends == expected.ends).all()
+            assert (found.plane == expected.plane).all() and (found.face == expected.face).all()
+            assert_allclose(found.ends, expected.ends, atol=0 if planes.are_parallel() else 1e-12)
+
+
+def test_sections_of_a_large_mesh_compare_only_faces_near_the_planes():
+    """Of the faces of a cylinder, few are near three planes, also where one is tilted."""
+    mesh = cylinder(along=200)
+    planes = level((0.02, 0.05, 0.08))
+    tilted = Planes(planes.points, planes.normals + ((0, 0, 0), (0.02, 0, 0), (0, 0, 0)))
+    with mock.patch.object(sections_module, "MIN_SORTED_FACES", 0):
+        for family in (planes, tilted):
+            near = [_faces_near(mesh, family, 1e-8, family.are_parallel()) for _ in range(2)][1]
+            assert near is not None and len(near) < len(mesh.faces) / 10
+            assert np.isin(cut_sections(mesh, family).face, near).all()
+
+
+def test_known_sections_are_those_of_all_planes():
+    """After a plane moves, only it is cut again; the result is that of all planes."""
+    mesh, axes = wrist(), np.array((((1.0, 0, 0), (0, 1.0, 0)),))
+    cut = []
+    with mock.patch.object(samples_module, "cut_sections", lambda *a: cut.append(len(a[1])) or cut_sections(*a)):
+        for heights in ((0.02, 0.05, 0.08), (0.02, 0.06, 0.08), (0.06, 0.05)):
+            planes = level(heights)
+            found, ends = known_sections(mesh, planes, axes)
+            expected, expected_ends = framed_sections(mesh, planes, axes)
+            assert (found.plane == expected.plane).all() and (found.face == expected.face).all()
+            assert (found.ends == expected.ends).all() and (ends == expected_ends).all()
+    assert cut == [3, 3, 1, 3, 2]
+    planes = level((0.02, 0.05))
+    turned = Planes(planes.points, planes.normals + ((0, 0, 0), (0.1, 0, 0)))
+    frames = np.repeat(axes, 2, axis=0)
+    for family, of in ((planes, axes), (turned, frames)):  # the same plane has coordinates of another kind
+        found, expected = (cut(mesh, family, of) for cut in (known_sections, framed_sections))
+        assert (found[0].ends == expected[0].ends).all() and (found[1] == expected[1]).all()
