@@ -11,7 +11,7 @@ from ..grid.axis import Axis
 from ..grid.grids import AutoGrid, Grid, PlanesGrid, Region, Size, Tolerance, Vector, length_warnings, region_of
 from ..grid.heights import Heights, sampled_heights
 from ..grid.parametrizations import Parametrization
-from ..grid.spacing import best_positions, spaced_lines
+from ..grid.spacing import MAX_MOVES, best_positions, spaced_lines
 from ..mesh.outliers import without_outliers
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
@@ -22,6 +22,7 @@ from .surface_fit import SurfaceFit
 
 MAX_PLANES = 60  # [1] most u-planes of an automatic grid. Larger: tighter tolerances, more time
 MAX_LINES = 160  # [1] most lines per plane of an automatic grid. Larger: tighter tolerances, more time
+TRIAL_MOVES = 2  # [1] moves of the lines of nets that are predicted or tried. Larger: smaller nets, more time
 COUNT_RATIO = 1.3  # [1] ratio of successive numbers of planes or lines whose error is predicted. Smaller: more time
 # [fraction of an error] below which the error of one direction adds little to that of the other. Larger: more time.
 MINOR_ERROR_RATIO = 0.6
@@ -108,9 +109,9 @@ class Predictor:
         """Return the predicted error of a net [m]."""
         return float(np.hypot(*self.parts(size)))
 
-    def fit(self, size: tuple[int, int], draft: bool = True) -> SurfaceFit:
-        """Fit the net of a size; a draft has quick positions of the lines."""
-        lines = spaced_lines(self.mesh, self.parametrization, size, self.degree, draft=draft)
+    def fit(self, size: tuple[int, int], moves: int = TRIAL_MOVES) -> SurfaceFit:
+        """Fit the net of a size, whose lines make some moves to less error."""
+        lines = spaced_lines(self.mesh, self.parametrization, size, self.degree, moves=moves)
         return fit_lines(self.mesh, lines, self.degree)
 
     def _size(self, cost: Array) -> tuple[int, int]:
@@ -138,7 +139,7 @@ class Predictor:
         return np.exp(np.interp(np.log(counts), np.log(known[: len(errors)]), np.log(errors)))
 
     def _predicted(self, heights: Heights, count: int, degree: int) -> float:
-        positions = best_positions(heights, count, degree, draft=True)
+        positions = best_positions(heights, count, degree, TRIAL_MOVES)
         return heights.error(positions, degree, self.measure)
 
 
@@ -389,7 +390,7 @@ def fit_to_count(
     most = min(control_points // fewest_m, MAX_PLANES), min(control_points // fewest_n, MAX_LINES)
     given, (mesh, outliers) = mesh, without_outliers(mesh)
     predictor = Predictor(mesh, region_of(axis, margin, sector, normal).parametrization(mesh), degrees, most=most)
-    fit = replace(predictor.fit(predictor.best(control_points), draft=False), **left_out(given, outliers))
+    fit = replace(predictor.fit(predictor.best(control_points), MAX_MOVES), **left_out(given, outliers))
     check_fit(fit)
     return fit
 

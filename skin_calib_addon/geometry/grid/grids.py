@@ -23,7 +23,7 @@ from .parametrizations import (
     bounded,
     region_centre,
 )
-from .spacing import spaced_lines
+from .spacing import MAX_MOVES, spaced_lines
 
 Vector = tuple[float, float, float]
 
@@ -241,7 +241,7 @@ class Grid:
             raise InvalidPlan("This grid has a tolerance instead of numbers of planes and lines. Use fit_grid.")
         size = self.size.n, self.size.lines
         parametrization = _parametrization(self.region, mesh)
-        lines = spaced_lines(mesh, parametrization, size, degree, self.spacing, draft)
+        lines = spaced_lines(mesh, parametrization, size, degree, self.spacing, 0 if draft else MAX_MOVES)
         return replace(lines, warnings=length_warnings(self.region, parametrization, mesh))
 
     def moved_lines(self, lines: ParametrizedLines, mesh: TriangleMesh) -> ParametrizedLines:

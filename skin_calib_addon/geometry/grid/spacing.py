@@ -27,7 +27,6 @@ SMOOTHING_WIDTH = 2.3
 ERROR_EXPONENT = 0.11
 EQUALIZING_ROUNDS = 3  # [1] iterations that equalize the errors of all spans. Larger: little effect, more time
 MAX_MOVES = 8  # [1] most steps of the positions. Larger: slightly less error, more time
-DRAFT_MOVES = 2  # [1] most steps of the positions of a preview, and of predictions. Larger: less error, more time
 # [1] ratio of errors, or of their squares, above which there is no gain: even positions are kept, and the steps have
 # converged. Larger: noise moves lines, more steps.
 MAX_ERROR_RATIO = 0.95
@@ -48,7 +47,7 @@ def spaced_lines(
     size: tuple[int, int],
     degree: tuple[int, int],
     spacing: str = "auto",
-    draft: bool = False,
+    moves: int = MAX_MOVES,
 ) -> ParametrizedLines:
     """Return the lines of a number of planes with a number of lines each."""
     check_counts(size[0], degree[0], "u-planes")
@@ -58,8 +57,8 @@ def spaced_lines(
     if spacing != "uniform":
         along, across = sampled_heights(mesh, parametrization)
         if spacing == "auto":
-            s = best_positions(along, size[0], degree[0], draft)
-            t = best_positions(across, size[1], degree[1], draft)
+            s = best_positions(along, size[0], degree[0], moves)
+            t = best_positions(across, size[1], degree[1], moves)
         else:
             t = np.interp(even_positions((0.0, 1.0), size[1], across.closed), *density_map(across, spacing))
     return parametrized_lines(parametrization, s, t, region_centre(mesh, parametrization))
@@ -108,11 +107,12 @@ def density_map(heights: Heights, spacing: str) -> SpacingMap:
 
 
 @lru_cache(maxsize=64)  # lines do not depend on the number of planes
-def best_positions(heights: Heights, count: int, degree: int, draft: bool = False) -> Array:
+def best_positions(heights: Heights, count: int, degree: int, moves: int = MAX_MOVES) -> Array:
     """Return positions of planes or lines with little error, or even ones if these are nearly as good.
 
     The search starts at even spans and at spans that follow the curvature, of closed curves also half a span further,
-    and at spans with equal errors. From each start it moves the positions one by one.
+    and at spans with equal errors. From each start, or from the best one if not all moves are wanted, it moves the
+    positions one by one.
     """
     if not heights.predicts:
         return locked(even_positions(heights.edges, count, heights.closed))
@@ -127,10 +127,10 @@ def best_positions(heights: Heights, count: int, degree: int, draft: bool = Fals
         spacing = equalized(spacing, heights.span_errors(np.interp(spans, *spacing), degree), heights.closed)
     starts.append(np.interp(spans, *spacing))
     errors.append(heights.error(starts[-1], degree))
-    if not heights.bends:
-        if draft:
+    if moves and not heights.bends:
+        if moves < MAX_MOVES:
             starts = [starts[int(np.argmin(errors))]]
-        starts = [refined(heights, start, degree, DRAFT_MOVES if draft else MAX_MOVES) for start in starts]
+        starts = [refined(heights, start, degree, moves) for start in starts]
         errors = [heights.error(start, degree) for start in starts]
     least = int(np.argmin(errors))
     rounding = float(np.finfo(np.float32).eps * np.abs(heights.values).mean())  # of vertices in mesh files
