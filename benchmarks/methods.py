@@ -7,7 +7,15 @@ from links import Array, Fan, Link
 from measure import Surface, tensor
 from paper_sections import PaperFit
 
-from skin_calib_addon.geometry import Planes, PlanesGrid, SurfaceFit, fit_surface, fit_to_count, fit_to_tolerance
+from skin_calib_addon.geometry import (
+    Planes,
+    PlanesGrid,
+    SurfaceFit,
+    TriangleMesh,
+    fit_surface,
+    fit_to_count,
+    fit_to_tolerance,
+)
 from skin_calib_addon.geometry.surface.bspline import clamped_knots
 
 SAME, PLACED, BEST_NET, AUTO = "ours, same planes", "ours, placed planes", "ours, best net", "ours, auto"
@@ -20,14 +28,19 @@ def is_peer(method: str) -> bool:
     return not method.startswith(("ours", "paper"))
 
 
+def new_mesh(link: Link) -> TriangleMesh:
+    """Return the mesh of a link without what earlier fits keep of it, so that warm calls do all the work."""
+    return TriangleMesh(link.mesh.vertices, link.mesh.faces)
+
+
 def ours(link: Link, n: int, lines: int, spacing: str = "auto") -> SurfaceFit:
     """Fit along ``n`` planes and ``lines`` lines."""
-    return fit_surface(link.mesh, link.grid(n, lines, spacing))
+    return fit_surface(new_mesh(link), link.grid(n, lines, spacing))
 
 
 def ours_best(link: Link, control_points: int) -> SurfaceFit:
     """Fit with the best ratio of planes to lines for a number of control points."""
-    return fit_to_count(link.mesh, control_points, axis=link.axis, margin=link.margin, sector=link.sector)
+    return fit_to_count(new_mesh(link), control_points, axis=link.axis, margin=link.margin, sector=link.sector)
 
 
 def ours_fanned(link: Link, fan: Fan, n: int, lines: int) -> SurfaceFit:
@@ -36,12 +49,12 @@ def ours_fanned(link: Link, fan: Fan, n: int, lines: int) -> SurfaceFit:
     across = np.cos(angles)[:, None] * fan.e2 - np.sin(angles)[:, None] * fan.e1
     u = Planes(fan.origins(s), fan.normals(s))
     v = Planes(np.broadcast_to(fan.first, across.shape), across)
-    return fit_surface(link.mesh, PlanesGrid(u, v, closed=True))
+    return fit_surface(new_mesh(link), PlanesGrid(u, v, closed=True))
 
 
 def auto(link: Link, tolerance: float) -> SurfaceFit:
     """Fit the smallest surface with a mean error within a tolerance [mm]."""
-    return fit_to_tolerance(link.mesh, tolerance / 1e3, axis=link.axis, margin=link.margin, sector=link.sector)
+    return fit_to_tolerance(new_mesh(link), tolerance / 1e3, axis=link.axis, margin=link.margin, sector=link.sector)
 
 
 def paper_planes(fan: Fan, n: int, lines: int) -> tuple[Array, Array]:

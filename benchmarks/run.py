@@ -45,44 +45,21 @@ def write(rows: list, path: Path) -> None:
             writer.writerow(["" if value != value else value for value in values])  # only NaN differs from itself
 
 
-def read(path: Path, kind: type) -> list:
-    """Read rows that :func:`write` wrote; an empty number is NaN, or None in a column that allows it."""
-    with open(path, newline="") as file:
-        return [
-            kind(**{name: value_of(kind, name, text) for name, text in row.items()}) for row in csv.DictReader(file)
-        ]
-
-
-def value_of(kind: type, name: str, text: str):
-    """Return a cell of a CSV file with the type of its column."""
-    wanted = kind.__dataclass_fields__[name].type
-    if wanted is str:
-        return text
-    if text == "":
-        return float("nan") if wanted is float else None
-    return float(text) if wanted is float else int(text)
-
-
 def main() -> None:
     """Measure, print, write, draw."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=9)
     parser.add_argument("--only", choices=BENCHMARKS)
     parser.add_argument("--quick", action="store_true", help="the links of the README at two sizes, figures into out")
-    parser.add_argument("--redraw", action="store_true", help="draw the figures from the CSV files of an earlier run")
     arguments = parser.parse_args()
-    measured, out = {}, ROOT / "out"
+    measured: dict[str, list] = {}
     for name, benchmark in BENCHMARKS.items():
         if arguments.only not in (None, name):
-            continue
-        file = out / f"{name}{'_quick' if arguments.quick else ''}.csv"
-        if arguments.redraw:
-            measured[name] = read(file, benchmark.Row) if file.exists() else []
             continue
         quick = {"quick": True} if arguments.quick and benchmark is time_error else {}
         measured[name] = rows = list(benchmark.measure(arguments.repeats, **quick))
         if rows:
-            write(rows, file)
+            write(rows, ROOT / "out" / f"{name}{'_quick' if arguments.quick else ''}.csv")
             print(benchmark.table(rows), flush=True)
     figures.draw_all(measured, ROOT / ("out" if arguments.quick else "docs"))
 
