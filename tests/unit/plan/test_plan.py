@@ -47,6 +47,7 @@ SHEET = {
     "origin": "center",
     "direction": [0.0, 1.0, 0.0],
 }
+BOARDS = {"name": "sole", "kind": "hexagons"}
 TABLE = {"kind": "table", "readings": [0.0, 100.0, 250.0], "forces": [0.0, 1.0, 16.0]}
 CELSIUS = {"kind": "polynomial", "coefficients": [-40.0, 0.05], "range": [0.0, 4095.0]}
 TURNING = {"kind": "polynomial", "coefficients": [0.0, 0.5, -0.002], "range": [0.0, 130.0]}
@@ -347,6 +348,20 @@ def test_members_that_do_not_go_together_are_refused(pointer, value, message):
         plan_from(document)
     (finding,) = check_plan_wholly(document)
     assert finding.severity == "error" and str(caught.value) in finding.message
+
+
+def test_whole_numbers_may_have_a_decimal_point():
+    """Some programs write 6.0 for 6, which is an integer of JSON Schema. The version is compared as such, too."""
+    document = changed("/skins/0/rows", 6.0) | {"version": 1.0, "degree": [3.0, 4]}
+    document["skins"].append(BOARDS | {"cells": [[0.0, 0], [1, 0.0]], "first_channel": 400.0})
+    assert check_plan_wholly(document) == ()
+    plan = plan_from(document)
+    assert [repr(n) for n in (plan.skins[0].lattice.rows, plan.surface.degree, plan.skins[2].first_channel)] == [
+        *("6", "(3, 4)", "400")
+    ]
+    assert repr(plan.skins[2].choice) == "((0, 0), (1, 0))"
+    assert [f.pointer for f in check_plan(document | {"version": True})] == ["/version"]
+    assert "/version" not in [f.pointer for f in check_plan(document | {"version": 2.0})]
 
 
 @pytest.mark.parametrize(
