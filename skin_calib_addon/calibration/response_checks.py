@@ -7,7 +7,7 @@ import numpy as np
 
 from ..common.arrays import Array
 from ..common.findings import Finding, child, error, show
-from .parts import STORED_ROUNDING, Part, pointers_with_findings
+from .parts import STORED_ROUNDING, Part, items_of, pointers_with_findings
 
 # Fraction of the largest coefficient below which the leading coefficients of a slope count as zero.
 # Smaller: inaccurate roots; larger: real roots are lost.
@@ -44,15 +44,11 @@ def response_findings(response: dict[str, Any], pointer: str) -> Iterator[Findin
 
 
 def _responses(document: Any) -> Iterator[tuple[str, Any]]:
-    if not isinstance(document, dict):
-        return
-    if "response" in document:
+    if isinstance(document, dict) and "response" in document:
         yield "/response", document["response"]
-    listed = document.get("responses")
-    for index, response in enumerate(listed if isinstance(listed, list) else ()):
+    for index, response in enumerate(items_of(document, "responses")):
         yield f"/responses/{index}", response
-    modalities = document.get("modalities")
-    for index, modality in enumerate(modalities if isinstance(modalities, list) else ()):
+    for index, modality in enumerate(items_of(document, "modalities")):
         if isinstance(modality, dict) and "response" in modality:
             yield f"/modalities/{index}/response", modality["response"]
 

@@ -10,7 +10,8 @@ from ..common.errors import InvalidPlan
 from ..common.strict_json import parse
 from ..pipeline import calibrate
 from ..pipeline.report import summary
-from ..plan import Plan, check_part, check_plan, load_plan, plan_document, plan_from
+from ..plan import Plan, check_plan, load_plan, plan_document, plan_from
+from ..plan.file import check_part
 from ..skin.imported import placed
 from .common import DONE, check_outputs, complain, file_name, named_path, say, warn
 

@@ -10,7 +10,7 @@ from ...common.arrays import Array, BoolArray, IntArray, freeze
 from ...common.errors import CalibrationFormatError
 from ...common.findings import did_you_mean, show
 from ...common.text import MAX_TAXELS
-from ..model import LinkCalibration, TaxelArray
+from ..model import LinkCalibration
 from .taxel_set import MAX_LABEL_LENGTH
 
 
@@ -66,7 +66,7 @@ def taxels_of(calibration: LinkCalibration) -> LinkTaxels:
         np.concatenate([getattr(part, name) for part in parts]) for name in ("normals_link", "tangents_link")
     )
     axes = np.stack((tangents, np.cross(normals, tangents), normals), axis=2)
-    sizes = np.concatenate([_extents(part) for part in parts])
+    sizes = np.concatenate([np.ptp(part.flat_corners, axis=1) for part in parts])
     square = np.concatenate([np.full(len(part.ids), part.corners_link.shape[1] == 4) for part in parts])
     names = [patch.name for patch in calibration.patches for _ in patch.taxels.ids]
     ids = [taxel for part in parts for taxel in part.ids]
@@ -87,12 +87,6 @@ def taxels_of(calibration: LinkCalibration) -> LinkTaxels:
         neighbours=tuple(neighbours[i] for i in order),
         ports=tuple(ports[i] for i in order),
     )
-
-
-def _extents(taxels: TaxelArray) -> Array:
-    """Return the extents of the corners of each cell along and across its tangent, shape (n, 2) [m]."""
-    arms = taxels.corners_link - taxels.positions_link[:, None]
-    return np.ptp(np.einsum("nkc,nsc->nks", arms, taxels.axes_link), axis=1)
 
 
 def _pixels(indices: Sequence[IntArray]) -> IntArray:
