@@ -14,6 +14,7 @@ from matplotlib.image import imread
 
 from skin_calib_addon.common.errors import SkinCalibError
 from skin_calib_addon.common.warnings import Place, Warning
+from skin_calib_addon.pictures import calibration as calibration_picture
 from skin_calib_addon.pictures.calibration import NOTE_COLOUR, draw_calibration, look_at
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import plan_from
@@ -86,8 +87,9 @@ def test_picture_needs_no_sheet(tmp_path, calibration):
     assert drawn(read_png(tmp_path / "p.png"))[0] > 0.05
 
 
-def test_picture_lists_warnings_and_marks_their_places(tmp_path):
+def test_picture_lists_warnings_and_marks_their_places(tmp_path, monkeypatch):
     """Below the panels, numbered, in their own colour; the same number is at the place. Twelve at most."""
+    monkeypatch.setattr(calibration_picture, "QUAD_COUNTS", (6, 12))
     calibration = small_calibration()
     place = Place((0.035, 0.0, 0.15))
     text = "The surface is 6.2 mm off the mesh at a place that is described by so many words that the line is wrapped."
