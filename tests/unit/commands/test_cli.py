@@ -44,14 +44,6 @@ def planes(stations):
     return {"kind": "planes", "u": u, "v": v, "closed": True}
 
 
-@pytest.fixture
-def folder(tmp_path):
-    """A folder with a mesh and a plan for it."""
-    save_mesh(cylinder(around=24, along=8), tmp_path / "tube.ply")
-    write_plan(tmp_path)
-    return tmp_path
-
-
 @pytest.fixture(scope="session")
 def fitted_once(tmp_path_factory):
     """Such a folder, fitted into itself."""

@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.calibration.exchange import FORMATS, READABLE, WRITABLE, only_patches, read_taxels
+from skin_calib_addon.calibration.exchange import FORMATS, READABLE, WRITABLE, read_taxels
 from skin_calib_addon.calibration.exchange.link_taxels import taxels_of
 from skin_calib_addon.calibration.exchange.mjcf import triangles
 from skin_calib_addon.calibration.exchange.rsdf import hull
@@ -302,16 +302,6 @@ def test_triangles_fill_a_sheet_and_a_flower():
         a, b, c = taxels.positions[faces].transpose(1, 0, 2)
         if count != 3:
             assert ((np.cross(b - a, c - a) * taxels.normals[faces[:, 0]]).sum(axis=1) > 0).all()
-
-
-def test_patches_are_chosen_by_name():
-    """In the order of the calibration; the error for an unknown one lists the existing ones."""
-    calibration = small_calibration()
-    assert [p.name for p in only_patches(calibration, ["boards"]).patches] == ["boards"]
-    with pytest.raises(
-        CalibrationFormatError, match='the calibration has no patch "board"; it has "sheet", "boards"; did you mean'
-    ):
-        only_patches(calibration, ["sheet", "board"])
 
 
 def test_calibration_without_taxels_is_refused():
