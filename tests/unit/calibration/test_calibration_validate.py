@@ -452,11 +452,9 @@ def test_finding_is_one_printable_line():
 BYTES = [  # bytes, code, pointer, words of the message
     (b"\xef\xbb\xbf{}", "byte-order-mark", "", "byte order mark"),
     (b'{"a": "\xff"}', "encoding", "", "not UTF-8 at byte 7"),
-    (b'{"a": "\xed\xa0\x80"}', "encoding", "", "at byte 7"),
     ("{}".encode("utf-16"), "encoding", "", "is UTF-16. Save it as UTF-8"),
     ("{}".encode("utf-16-le"), "encoding", "", "is binary at byte 1. Check that it is the correct file"),
     (b"\x89PNG\r\n\x1a\n", "encoding", "", "is binary at byte 6. Check"),
-    (b"\0\0\0\0", "encoding", "", "is binary at byte 0. Check"),
     (b"PK\3\4\xff", "encoding", "", "is a ZIP archive (NPZ files are"),
     (gzip.compress(b"{}", mtime=0), "encoding", "", "is compressed with gzip. Decompress it"),
     (b"{" + b" " * 2**17 + b"\xff\0}", "encoding", "", "is binary at byte 131074"),
@@ -465,17 +463,14 @@ BYTES = [  # bytes, code, pointer, words of the message
     ('{"é": 1,\n  "b" 2}'.encode(), "syntax", "", "byte 16, line 2, column 7: Expecting ':'"),
     (b"{} {}", "syntax", "", "byte 3, line 1, column 4: Extra data"),
     (b"[1,]", "syntax", "", "byte"),
-    (b"{'a': 1}", "syntax", "", "byte 1"),
     (b'["\n"]', "syntax", "", "byte 2, line 1, column 3: Invalid control character"),
     (b"[01]", "syntax", "", "byte 2"),
-    (b"[0x10]", "syntax", "", "byte 2"),
     (b"// a\n1", "syntax", "", "byte 0"),
     (b'{"a": {"b": 1, "b/~": 2, "b/~": 3}}', "duplicate-key", "/a/b~1~0", "more than once"),
     (b'[{"a": 1, "\\u0061": 2}]', "duplicate-key", "/0/a", "more than once"),
     (b'{"a": [1, NaN]}', "not-finite", "/a/1", "is NaN"),
     (b"[-Infinity]", "not-finite", "/0", "is -Infinity"),
     (b"[1e999]", "number-range", "/0", "is 1e999"),
-    (b"[0, -1e999]", "number-range", "/1", "is -1e999"),
     (b"[" + b"9" * 5000 + b"]", "number-range", "/0", "is 99999"),
     (b"[9223372036854775808]", "number-range", "/0", "is 9223372036854775808"),
     (b'["a", "\\ud800"]', "surrogate", "/1", "a lone surrogate"),
@@ -494,18 +489,6 @@ def test_parse_finds_what_strict_json_forbids(data, code, pointer, words):
     assert words in found[0].message
 
 
-def test_parse_finds_several():
-    """All faults of a document that can be parsed are reported."""
-    document, found = parse(b'{"a": NaN, "b": [1e999, {"c": 1, "c": 2}], "d": "\\udc00"}')
-    assert [(f.code, f.pointer) for f in found] == [
-        ("not-finite", "/a"),
-        ("number-range", "/b/0"),
-        ("duplicate-key", "/b/1/c"),
-        ("surrogate", "/d"),
-    ]
-    assert document["b"][1] == {"c": 2}
-
-
 def test_parse_refuses_sizes_before_building(monkeypatch):
     """Too many bytes or values are an error before parsing; strings are not counted."""
     monkeypatch.setattr(strict_json, "MAX_VALUES", 100)
@@ -515,15 +498,6 @@ def test_parse_refuses_sizes_before_building(monkeypatch):
     assert parse(b"[" + b"{}," * 50 + b"{}]")[1][0].code == "size"
     monkeypatch.setattr(strict_json, "MAX_JSON_BYTES", 10)
     assert "has 11 bytes; the limit is 10" in parse(b'"123456789"')[1][0].message
-
-
-def test_read_refuses_size_before_reading(tmp_path, monkeypatch):
-    """A file beyond the limit is not loaded."""
-    monkeypatch.setattr(strict_json, "MAX_JSON_BYTES", 10)
-    path = tmp_path / "c.json"
-    path.write_bytes(b"1" * 11)
-    with pytest.raises(calibration.file.CalibrationFormatError, match="its 11 bytes exceed the limit of 10"):
-        strict_json.read(path)
 
 
 def test_measure_is_independent_of_chunks(monkeypatch):
