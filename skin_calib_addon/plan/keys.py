@@ -292,48 +292,25 @@ TO = Key(
 )
 NORMAL = Key("normal", DIRECTION, "Outward normal of the face, out of the robot.", label="Outward", first=(0, 0, -1))
 
-TUBE = Record(
-    "tube",
-    "Tube",
-    Grid,
-    (kind("tube"), N, M, LINES, SPACING, AXIS, MARGIN, BOUNDARY),
-    {"region": Tube, "size": Size},
-)
-SECTOR = Record(
-    "sector",
-    "Sector of a tube",
-    Grid,
-    (kind("patch"), N, M, LINES, SPACING, AXIS, FROM, TO, MARGIN, BOUNDARY),
-    {"region": Sector, "size": Size},
-)
-ACROSS = Record(
-    "across",
-    "Across a face",
-    Grid,
-    (kind("patch"), N, M, LINES, SPACING, NORMAL, FACE_AXIS, MARGIN, BOUNDARY),
-    {"region": Across, "size": Size},
-)
-AUTO_TUBE = Record(
-    "auto_tube",
-    "Automatic tube",
-    Grid,
-    (kind("auto"), TOLERANCE, MEASURE, AXIS, MARGIN, BOUNDARY),
-    {"region": Tube, "size": Tolerance},
-)
-AUTO_SECTOR = Record(
-    "auto_sector",
-    "Automatic sector of a tube",
-    Grid,
-    (kind("auto"), TOLERANCE, MEASURE, AXIS, FROM, TO, MARGIN, BOUNDARY),
-    {"region": Sector, "size": Tolerance},
-)
-AUTO_ACROSS = Record(
-    "auto_across",
-    "Automatic across a face",
-    Grid,
-    (kind("auto"), TOLERANCE, MEASURE, AXIS, NORMAL, MARGIN, BOUNDARY),
-    {"region": Across, "size": Tolerance},
-)
+
+def grid_of_lines(name: str, title: str, kind_of: str, region: type, *own: Key) -> Record:
+    """Return the keys of a grid with numbers of planes and lines in a region, which has keys of its own."""
+    keys = (kind(kind_of), N, M, LINES, SPACING, *own, MARGIN, BOUNDARY)
+    return Record(name, title, Grid, keys, {"region": region, "size": Size})
+
+
+def grid_of_tolerance(name: str, title: str, region: type, *own: Key) -> Record:
+    """Return the keys of the smallest grid that keeps a tolerance in a region, which has keys of its own."""
+    keys = (kind("auto"), TOLERANCE, MEASURE, *own, MARGIN, BOUNDARY)
+    return Record(name, title, Grid, keys, {"region": region, "size": Tolerance})
+
+
+TUBE = grid_of_lines("tube", "Tube", "tube", Tube, AXIS)
+SECTOR = grid_of_lines("sector", "Sector of a tube", "patch", Sector, AXIS, FROM, TO)
+ACROSS = grid_of_lines("across", "Across a face", "patch", Across, NORMAL, FACE_AXIS)
+AUTO_TUBE = grid_of_tolerance("auto_tube", "Automatic tube", Tube, AXIS)
+AUTO_SECTOR = grid_of_tolerance("auto_sector", "Automatic sector of a tube", Sector, AXIS, FROM, TO)
+AUTO_ACROSS = grid_of_tolerance("auto_across", "Automatic across a face", Across, AXIS, NORMAL)
 PLANES = Record(
     "planes",
     "Planes one by one",
