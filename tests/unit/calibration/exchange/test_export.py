@@ -245,6 +245,15 @@ def test_sensors_are_what_the_parser_of_tactile_toolbox_wants():
     assert_allclose(np.pi * np.square(discs), taxels.areas[6:], rtol=1e-12)
 
 
+def test_oblong_cells_are_longest_along_their_rows():
+    """The sizes of a cell are those along and across the tangent, in this order."""
+    taxels = sheet(2, 3, 0.01).taxels
+    arms = taxels.corners_link - taxels.positions_link[:, None]
+    along = (arms * taxels.tangents_link[:, None]).sum(axis=2, keepdims=True) * taxels.tangents_link[:, None]
+    _, made = written("urdf-tactile", patches=(renamed(sheet(2, 3, 0.01), corners_link=taxels.corners_link + along),))
+    assert_allclose(made.sizes, np.tile((0.02, 0.01), (6, 1)), rtol=0.01)
+
+
 # --- mc_rtc
 
 
