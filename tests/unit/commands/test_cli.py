@@ -14,6 +14,7 @@ import pytest
 from skin_calib_addon.calibration import Response, ResponseTable, load_calibration, save_calibration, to_document
 from skin_calib_addon.cli import main
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
+from skin_calib_addon.pictures import calibration as calibration_picture
 from skin_calib_addon.plan import load_plan
 from tests.examples import slow
 from tests.samples import cylinder as surface_tube
@@ -114,8 +115,9 @@ def test_fit_copies_the_data_of_the_plan(folder):
     assert (calibration.mesh.vertices, calibration.mesh.faces) == (len(mesh.vertices), len(mesh.faces))
 
 
-def test_fit_writes_report_and_picture(folder, capsys):
+def test_fit_writes_report_and_picture(folder, capsys, monkeypatch):
     """Both are written if requested; the summary has the same numbers, in millimetres."""
+    monkeypatch.setattr(calibration_picture, "QUAD_COUNTS", (6, 12))
     words = ("--picture", folder / "p.png", "--report", folder / "r.json")
     assert main([*map(str, ("fit", folder / "tube.plan.json", "-o", folder / "out.json", *words))]) == 0
     assert (folder / "p.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
@@ -408,8 +410,9 @@ def test_warnings_of_a_fit_are_repeated_by_every_command(folder, capsys):
     assert capsys.readouterr().err.splitlines() == [f"skin-calib: {line}" for line in lines[:-1]]
 
 
-def test_show_draws_all_surfaces_and_reports_missing_ones(tmp_path, capsys):
+def test_show_draws_all_surfaces_and_reports_missing_ones(tmp_path, capsys, monkeypatch):
     """All surfaces are drawn; a calibration without surface gives one line."""
+    monkeypatch.setattr(calibration_picture, "QUAD_COUNTS", (6, 12))
     pictures = []
     for name, surfaces in (("two", (surface_tube(), plane())), ("one", (surface_tube(),)), ("none", ())):
         save_calibration(small_calibration(surfaces=surfaces, patches=()), tmp_path / f"{name}.json")

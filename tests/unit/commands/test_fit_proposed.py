@@ -135,7 +135,7 @@ def test_mesh_that_is_not_that_of_the_proposal_is_named(urdf, capsys, shift):
 
 def test_links_without_a_visual_mesh_have_a_line(tmp_path, capsys):
     """A box that is seen, and a mesh for collisions. A link without shapes has none; one that is left out, neither."""
-    save_mesh(box((0, 0, 0), (0.01, 0.01, 0.01)), tmp_path / "one.ply")
+    save_mesh(plate(0.02), tmp_path / "one.ply")
     mesh, cube = '<geometry><mesh filename="one.ply"/></geometry>', '<geometry><box size="1 1 1"/></geometry>'
     shapes = {
         **{"one": f"<visual>{mesh}</visual>", "cube": f"<visual>{cube}</visual>", "sensor": f"<visual>{cube}</visual>"},

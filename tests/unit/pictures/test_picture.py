@@ -20,22 +20,20 @@ from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import plan_from
 from tests.samples import boards, plane, small_calibration
 from tests.shapes import cylinder
+from tests.unit.commands.test_cli import SHEET
 
 ROOT = Path(__file__).parents[3]
-SHEET = {
-    "name": "s",
-    "kind": "sheet",
-    "rows": 2,
-    "columns": 4,
-    "pitch": [0.01, 0.01],
-    "origin": "center",
-    "direction": [0, 1, 0],
-}
 TUBE = {"kind": "tube", "n": 5, "lines": 10, "axis": {"point": [0, 0, 0], "direction": [0, 0, 1]}, "margin": 0.003}
 FACE = {"kind": "patch", "n": 5, "lines": 5, "normal": [0, 0, 1]}
 
 
-def calibrated(mesh, grid, skins=(SHEET,)):
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch):
+    """Surfaces of few faces."""
+    monkeypatch.setattr(calibration_picture, "QUAD_COUNTS", (10, 20))
+
+
+def calibrated(mesh, grid, skins=(SHEET | {"name": "s"},)):
     """Return a complete calibration made from a mesh."""
     head = {"format": "skin-plan", "version": 1, "link": "link", "mesh": "m.ply", "unit": "m"}
     return calibrate(plan_from(head | {"grid": grid, "skins": list(skins)}), mesh)
@@ -87,9 +85,8 @@ def test_picture_needs_no_sheet(tmp_path, calibration):
     assert drawn(read_png(tmp_path / "p.png"))[0] > 0.05
 
 
-def test_picture_lists_warnings_and_marks_their_places(tmp_path, monkeypatch):
+def test_picture_lists_warnings_and_marks_their_places(tmp_path):
     """Below the panels, numbered, in their own colour; the same number is at the place. Twelve at most."""
-    monkeypatch.setattr(calibration_picture, "QUAD_COUNTS", (6, 12))
     calibration = small_calibration()
     place = Place((0.035, 0.0, 0.15))
     text = "The surface is 6.2 mm off the mesh at a place that is described by so many words that the line is wrapped."
