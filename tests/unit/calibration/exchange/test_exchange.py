@@ -1,5 +1,7 @@
 """Taxel files of other programs: they are read unchanged, with warnings, or give errors with line numbers."""
 
+import re
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -45,6 +47,18 @@ def value(taxels, code):
     """Return the value of the only finding with a code."""
     (found,) = (finding.value for finding in taxels.findings if finding.code == code)
     return found
+
+
+def error_of(read, content, *change, format=None):
+    """Replace each first text of a pair in a content, and return the first error that its reader finds."""
+    for old, new in zip(change[::2], change[1::2]):
+        assert old in content
+        content = content.replace(old, new, -1 if old in ("SkinConfig", "rot>") else 1)
+    with pytest.raises(CalibrationFormatError) as refused:
+        read(content, format)
+    found = [f for f in refused.value.findings if f.severity == "error"]
+    assert str(found[0]) in str(refused.value) and "\n" not in str(refused.value)
+    return found[0]
 
 
 # --- iCub
@@ -157,7 +171,7 @@ def test_tum_patch_without_pose_stays_in_its_root_cell(read):
         (("<!DOCTYPE scfg>", '<!DOCTYPE scfg [<!ENTITY a "b">]>'), "entity", "declares an entity"),
         (("</pos>", ""), "syntax", "is not XML at column"),
         (("SkinConfig", "Skin"), "syntax", 'starts "Skin"; the root element must be SkinConfig'),
-        (("<rot>", "<tor>", "</rot>", "</tor>"), "missing", "starts an element tf_rootCell_base without rot"),
+        (("rot>", "tor>"), "missing", "starts an element tf_rootCell_base without rot"),
         (('<cell id="5"', "<cell"), "missing", "starts an element cell without the attribute id"),
         (('<cell id="5"', '<cell id="five"'), "number", "has 'five' instead of an integer (cell id)"),
         (('<cell id="6"', '<cell id="5"'), "duplicate-label", 'repeats the label "5" of line'),
@@ -173,14 +187,8 @@ def test_tum_patch_without_pose_stays_in_its_root_cell(read):
 )
 def test_tum_reader_reports_errors_with_lines(read, change, code, words):
     """Each change gives one error with line and reason."""
-    content = tum_text(CELLS)
-    for old, new in zip(change[::2], change[1::2]):
-        assert old in content
-        content = content.replace(old, new) if len(change) > 2 or old == "SkinConfig" else content.replace(old, new, 1)
-    with pytest.raises(CalibrationFormatError, match="has one error: line [0-9]+ ") as refused:
-        read(content)
-    (found,) = (f for f in refused.value.findings if f.severity == "error")
-    assert found.code == code and words in found.message
+    found = error_of(read, tum_text(CELLS), *change)
+    assert found.code == code and words in found.message and found.pointer.startswith("line ")
 
 
 def test_tum_declared_encoding_is_ignored(read):
@@ -274,13 +282,8 @@ def test_frame_of_a_table_is_the_one_that_all_rows_name(read):
 )
 def test_table_reader_reports_errors_with_lines(read, change, code, place, words):
     """Errors of header and rows have a line number."""
-    content = csv_text(ROUND, normals=OUTWARD)
-    assert change[0] in content
-    with pytest.raises(CalibrationFormatError) as refused:
-        read(content.replace(*change, 1), "csv")
-    found = [f for f in refused.value.findings if f.severity == "error"]
-    assert (found[0].code, found[0].pointer) == (code, place) and words in found[0].message
-    assert str(found[0]) in str(refused.value) and "\n" not in str(refused.value)
+    found = error_of(read, csv_text(ROUND, normals=OUTWARD), *change, format="csv")
+    assert (found.code, found.pointer) == (code, place) and words in found.message
 
 
 @pytest.mark.parametrize(
@@ -304,9 +307,7 @@ def test_table_reader_reports_errors_with_lines(read, change, code, place, words
 )
 def test_labels_channels_and_directions_must_be_usable(read, header, row, code, words):
     """One error that states what to do."""
-    with pytest.raises(CalibrationFormatError) as refused:
-        read(f"{header}\n{row}")
-    (found,) = (f for f in refused.value.findings if f.severity == "error")
+    found = error_of(read, f"{header}\n{row}")
     assert found.code == code and words in found.message
 
 
@@ -407,11 +408,8 @@ def test_taxels_of_tactile_sensors_are_read(read):
 )
 def test_urdf_reader_reports_errors_with_lines(read, content, change, code, words):
     """Each change gives one error with its reason."""
-    assert change[0] in content
-    with pytest.raises(CalibrationFormatError) as refused:
-        read(content.replace(*change, 1))
-    (found,) = (f for f in refused.value.findings if f.severity == "error")
-    assert found.code == code and words in found.message and "\n" not in str(refused.value)
+    found = error_of(read, content, *change)
+    assert found.code == code and words in found.message
 
 
 def test_loop_of_frames_is_an_error(read):
@@ -508,10 +506,7 @@ def test_viewpoint_of_a_cloud_is_reported(read):
 )
 def test_cloud_readers_report_errors_with_locations(read, content, change, words):
     """Errors of header, number of points and numbers are one line with reason and location."""
-    assert change[0] in content
-    with pytest.raises(CalibrationFormatError, match=words) as refused:
-        read(content.replace(*change, 1))
-    assert "\n" not in str(refused.value)
+    assert re.search(words, str(error_of(read, content, *change)))
 
 
 # --- all formats
