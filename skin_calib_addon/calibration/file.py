@@ -34,6 +34,8 @@ _VECTORS = {
     "corners": "corners_link",
     "area": "areas",
 }
+_DISTANCES = ("mean", "rms", "max")
+_REGISTRATION = ("origin", "direction", "anchor")
 _QUALITY = ("collision", "gap", "overhang", "pitch_error", "size", "strain", "tilt")
 
 
@@ -165,8 +167,8 @@ def _surface_document(surface: SurfaceModel) -> Document:
         "control_net": _floats(surface.control_net),
         "closed": [bool(closed) for closed in surface.closed],
         "errors": {
-            "mesh_to_surface": _distances_document(surface.errors.mesh_to_surface),
-            "surface_to_mesh": _distances_document(surface.errors.surface_to_mesh),
+            "mesh_to_surface": _numbers(surface.errors.mesh_to_surface, _DISTANCES),
+            "surface_to_mesh": _numbers(surface.errors.surface_to_mesh, _DISTANCES),
             "hausdorff": float(surface.errors.hausdorff),
         },
         **_free(surface.extra),
@@ -208,7 +210,7 @@ def _patch_document(patch: Patch) -> Document:
         "shape": [int(count) for count in patch.shape],
         "pitch": _floats(patch.pitch),
         **({"offset": float(patch.offset)} if patch.offset else {}),
-        **({"registration": _registration_document(patch.registration)} if patch.registration else {}),
+        **({"registration": _numbers(patch.registration, _REGISTRATION)} if patch.registration else {}),
         "taxels": columns,
         **_free(patch.extra),
     }
@@ -252,25 +254,18 @@ def _unit_frames(vectors: dict[str, Array]) -> dict[str, Array]:
     return vectors
 
 
-def _registration_document(registration: Registration) -> Document:
-    return {
-        "origin": float(registration.origin),
-        "direction": float(registration.direction),
-        "anchor": _floats(registration.anchor),
-    }
-
-
 def _registration(document: Document) -> Registration:
     x, y, z = map(float, document["anchor"])
     return Registration(float(document["origin"]), float(document["direction"]), (x, y, z))
 
 
-def _distances_document(statistics: DistanceStatistics) -> Document:
-    return {"mean": float(statistics.mean), "rms": float(statistics.rms), "max": float(statistics.max)}
-
-
 def _distances(document: Document) -> DistanceStatistics:
-    return DistanceStatistics(float(document["mean"]), float(document["rms"]), float(document["max"]))
+    return DistanceStatistics(*(float(document[name]) for name in _DISTANCES))
+
+
+def _numbers(record: object, names: Iterable[str]) -> Document:
+    """Return the named fields of a record as floats."""
+    return {name: _floats(getattr(record, name)) for name in names}
 
 
 def _floats(values: Any) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..common.arrays import Array, freeze
 from ..common.findings import did_you_mean, show
-from ..common.tables import CellError, find_column, naming_file, number_in, read_named_rows
+from ..common.tables import TableError, find_column, naming_file, number_in, read_named_rows
 from ..common.text import read_text
 
 # [reading, N] least nonzero readings and forces that are accepted. Smaller: their products may become zero in the fit.
@@ -47,11 +47,11 @@ def read_measurements(
             taxel = None if owner is None else row[owner]
             if owner is not None and taxel not in taxels:
                 message = f"the calibration has no taxel {show(taxel)}{did_you_mean(str(taxel), taxels)}"
-                raise CellError(line, owner + 1, message)
+                raise TableError(line, message, owner + 1)
             reading, force = (_number(row, column, line) for column in columns)
             rows.append((taxel, reading, force))
         if not rows:
-            raise CellError(line, 1, "the table has no row below its header")
+            raise TableError(line, "the table has no row below its header", 1)
     order = {taxel: k for k, taxel in enumerate(dict.fromkeys(row[0] for row in rows))}
     parts = groupby(sorted(rows, key=lambda row: order[row[0]]), key=lambda row: row[0])
     return tuple(Measurements(taxel, *np.array([row[1:] for row in part]).T) for taxel, part in parts)
@@ -60,9 +60,9 @@ def read_measurements(
 def _number(row: list[str], column: int, line: int) -> float:
     number = number_in(row, column, line)
     if number != 0 and not MIN_MAGNITUDE <= abs(number) <= MAX_MAGNITUDE:
-        raise CellError(
+        raise TableError(
             line,
-            column + 1,
             f"the number {number:g} is not plausible; absolute values are 0 or {MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}",
+            column + 1,
         )
     return number

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..common.findings import Finding, child, did_you_mean, error, show
-from .parts import Part, pointers_with_findings
+from .parts import Part, sound_items
 from .response import AnyResponse, response_document, response_from
 
 # Contract: the name of the readings that `response` and `responses` convert to forces.
@@ -64,7 +64,7 @@ def modality_from(document: dict[str, Any]) -> Modality:
 def modalities_are_distinct(document: Any, findings: Iterable[Finding]) -> Iterator[Finding]:
     """Yield an error for each name and each channel of a modality that repeats another one."""
     names: dict[Any, str] = {}
-    for pointer, modality in _sound(document, findings):
+    for pointer, modality in sound_items(document, "modalities", findings):
         name, where = modality["name"], child(pointer, "name")
         if name == FORCE:
             yield error("value", where, f"is {show(FORCE)}, which `response` converts; choose another name", name)
@@ -83,18 +83,8 @@ def modality_taxels_exist(document: Any, findings: Iterable[Finding], patches: I
     if not all("id" in patch.members for patch in patches):
         return
     known = dict.fromkeys(id for patch in patches for id in patch.members["id"])
-    for pointer, modality in _sound(document, findings):
+    for pointer, modality in sound_items(document, "modalities", findings):
         for taxel in modality.get("channels", {}):
             if taxel not in known:
                 message = f"names the unknown taxel {show(taxel)}{did_you_mean(taxel, known)}"
                 yield error("unknown-taxel", child(pointer, "channels", taxel), message, taxel)
-
-
-def _sound(document: Any, findings: Iterable[Finding]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield pointer and document of each modality without findings."""
-    wrong = pointers_with_findings(findings)
-    modalities = document.get("modalities") if isinstance(document, dict) else None
-    for index, modality in enumerate(modalities if isinstance(modalities, list) else ()):
-        pointer = child("/modalities", index)
-        if pointer not in wrong:
-            yield pointer, modality

@@ -97,6 +97,11 @@ class TaxelArray:
         return np.stack((self.tangents_link, cross(self.normals_link, self.tangents_link)), axis=1)
 
     @property
+    def flat_corners(self) -> Array:
+        """Return the corners of each cell relative to its taxel, along the row and across it, shape (n, k, 2) [m]."""
+        return np.einsum("nkc,nsc->nks", self.corners_link - self.positions_link[:, None], self.axes_link)
+
+    @property
     def known_sigma(self) -> Array:
         """Return ``sigma`` with a row for each taxel, shape (n, 3); NaN where nothing is stated."""
         return self.sigma if len(self.sigma) else np.full((len(self.ids), 3), np.nan)

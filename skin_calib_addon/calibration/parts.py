@@ -46,6 +46,20 @@ def parts_of(document: Any, name: str, findings: Iterable[Finding]) -> list[Part
     return parts
 
 
+def items_of(document: Any, name: str) -> list[Any]:
+    """Return a list that is a member of a document; an empty one if the document has none."""
+    items = document.get(name) if isinstance(document, dict) else None
+    return items if isinstance(items, list) else []
+
+
+def sound_items(document: Any, name: str, findings: Iterable[Finding]) -> Iterator[tuple[str, Any]]:
+    """Yield pointer and value of each item without findings in a list of a document."""
+    wrong = pointers_with_findings(findings)
+    for index, item in enumerate(items_of(document, name)):
+        if (pointer := child("", name, index)) not in wrong:
+            yield pointer, item
+
+
 def needs(*names: str) -> Callable[[Callable[..., Iterable[Finding]]], Callable[[Part], Iterator[Finding]]]:
     """Turn a check of members into a check of a part that is skipped if a member is missing or invalid."""
 

@@ -1,6 +1,6 @@
 """Fit the response of a sensor: the simplest monotone function within the error of the best by cross-validation."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,8 +35,6 @@ HYSTERESIS_FRACTION = 0.01
 HYSTERESIS_STANDARD_ERRORS = 4.0
 HYSTERESIS_BINS = 8  # intervals of readings in which loading and unloading are compared. Larger: fewer pairs in each.
 POOR_RESIDUAL_FRACTION = 0.3  # of the standard deviation of the forces. Larger: fewer warnings about poor fits.
-
-Predict = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,24 +161,17 @@ def _squares(
     return {simplicity: error[fold >= 0] ** 2 for simplicity, error in errors.items()}
 
 
-def _polynomial(readings: Array, forces: Array, degree: int) -> Predict:
-    """Return the least-squares polynomial as a function, in the Chebyshev basis."""
-    low, high = readings.min(), readings.max()
-
-    def basis(x: Array) -> Array:
-        return np.asarray(np.polynomial.chebyshev.chebvander((2 * x - (low + high)) / (high - low), degree), float)
-
-    coefficients = np.linalg.lstsq(basis(readings), forces, rcond=None)[0]
-    return lambda x: basis(x) @ coefficients
+def _polynomial(readings: Array, forces: Array, degree: int) -> np.polynomial.Chebyshev:
+    """Return the least-squares polynomial; with ``full``, NumPy does not warn of few different readings."""
+    domain = [readings.min(), readings.max()]
+    return np.polynomial.Chebyshev.fit(readings, forces, degree, domain=domain, full=True)[0]
 
 
 def _in_powers(readings: Array, forces: Array, degree: int) -> Response | None:
     """Return the polynomial in powers of the reading; None if it is not monotone or loses accuracy."""
     low, high = float(readings.min()), float(readings.max())
     fitted = _polynomial(readings, forces, degree)
-    points = np.polynomial.chebyshev.chebpts1(degree + 1)
-    chebyshev = np.polynomial.chebyshev.chebfit(points, fitted((low + high) / 2 + (high - low) / 2 * points), degree)
-    powers = np.polynomial.Chebyshev(chebyshev, domain=(low, high)).convert(kind=np.polynomial.Polynomial).coef
+    powers = fitted.convert(kind=np.polynomial.Polynomial).coef
     deviation = np.abs(np.polynomial.polynomial.polyval(readings, powers) - fitted(readings)).max()
     if not deviation <= POWERS_ROUNDING_RATIO * STORED_ROUNDING * np.ptp(forces) or not is_monotone(powers, low, high):
         return None

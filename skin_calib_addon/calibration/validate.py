@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from ..common.encoding import checksum
-from ..common.findings import Finding, child, did_you_mean, error, first, repeated, show, warning
+from ..common.findings import Finding, did_you_mean, error, first, repeated, show, warning
 from ..common.schema_check import check, read_schema
 from ..common.schema_types import has_type
 from . import patch_checks, surface_checks
 from .modality import modalities_are_distinct, modality_taxels_exist
-from .parts import Part, parts_of, pointers_with_findings
+from .parts import Part, parts_of, sound_items
 from .response_checks import responses_are_monotone, responses_exist
 
 Findings = tuple[Finding, ...]
@@ -98,11 +98,8 @@ def _run(checks: Iterable[Callable[[Part], Iterator[Finding]]], parts: list[Part
 
 def _stored_warnings(document: Any, findings: Findings) -> Iterator[Finding]:
     """Yield the warnings of fit and placement that the document has; a note is no problem."""
-    warnings = document.get("warnings") if isinstance(document, dict) else None
-    wrong = pointers_with_findings(findings)
-    for index, stored in enumerate(warnings if isinstance(warnings, list) else ()):
-        pointer = child("/warnings", index)
-        if pointer not in wrong and stored["severity"] != "note":
+    for pointer, stored in sound_items(document, "warnings", findings):
+        if stored["severity"] != "note":
             message = f"reports: {stored['message']} {stored['advice']}".strip()
             yield Finding(stored["code"], stored["severity"], pointer, message, stored["value"])
 

@@ -10,7 +10,8 @@ from ..common.errors import InvalidPlan
 from ..common.strict_json import parse
 from ..pipeline import calibrate
 from ..pipeline.report import summary
-from ..plan import Plan, check_frame, check_plan, load_plan, plan_document, plan_from
+from ..plan import Plan, check_plan, load_plan, plan_document, plan_from
+from ..plan.file import check_part
 from ..skin.imported import placed
 from .common import DONE, check_outputs, complain, file_name, named_path, say, warn
 
@@ -86,7 +87,7 @@ def _plan(options: argparse.Namespace) -> Plan:
 def _frame(text: str) -> dict[str, Any]:
     """Parse rotation and translation in JSON, as an error message suggests them."""
     frame, findings = parse(text.encode("utf-8", "replace"))
-    findings = tuple(findings) or check_frame(frame)
+    findings = tuple(findings) or check_part(frame, "frame")
     if findings:
         raise argparse.ArgumentTypeError(
             'must be {"rotation": [[...], [...], [...]], "translation": [x, y, z]}, as an error message suggests it; '

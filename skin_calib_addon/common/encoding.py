@@ -47,21 +47,7 @@ def _column(name: str, value: Any, margin: str) -> str:
     if not isinstance(value, list) or not value:
         return _inline(value)
     inner = margin + "  "
-    return f"[\n{inner}" + _rows(value, inner) + f"\n{margin}]"
+    return f"[\n{inner}" + f",\n{inner}".join(map(_inline, value)) + f"\n{margin}]"
 
 
-def _rows(table: list[Any], margin: str) -> str:
-    """Encode all rows of a table at once; a line break in the text can only be the separator."""
-    if None in table:  # rows of a table and null
-        return f",\n{margin}".join(map(_inline, table))
-    text = json.dumps(table, separators=(",\n", ": "), ensure_ascii=False, allow_nan=False)[1:-1]
-    depth, row = 0, table[0]
-    while isinstance(row, list):
-        depth, row = depth + 1, row[0] if row else None
-    begin, end = ("[" * depth + "{", "}" + "]" * depth) if isinstance(row, dict) else ("[" * depth, "]" * depth)
-    rows = text.replace(f"{end},\n{begin}", "\0").replace(",\n", ", ")
-    return rows.replace("\0", f"{end},\n{margin}{begin}")
-
-
-def _inline(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+_inline = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode

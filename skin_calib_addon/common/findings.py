@@ -45,6 +45,14 @@ class Finding:
         return f"{self.severity}: {self.sentence} [{self.code}]"
 
 
+class FoundError(ValueError):
+    """What a file contains is invalid from somewhere on; ``finding`` states why, and where."""
+
+    def __init__(self, code: str, pointer: str, message: str):
+        super().__init__(message)
+        self.finding = error(code, pointer, message)
+
+
 def error(code: str, pointer: str, message: str, value: Any = None) -> Finding:
     """Return a finding that makes the document unusable."""
     return Finding(code, "error", pointer, message, value)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .errors import CalibrationFormatError
-from .findings import Finding, child, error, first, show
+from .findings import Finding, FoundError, child, error, first, show
 from .plain_text import BLOCK_LENGTH, DecodingError, decoded
 
 MAX_JSON_BYTES = 512 * 2**20  # of any file. Larger: a malicious file uses more memory.
@@ -62,13 +62,8 @@ def parse(data: bytes) -> tuple[Any, tuple[Finding, ...]]:
         text = _decoded(data)
         _measure(data)
         return _built(text)
-    except _UnreadableError as problem:
+    except FoundError as problem:
         return None, (problem.finding,)
-
-
-class _UnreadableError(Exception):
-    def __init__(self, code: str, message: str):
-        self.finding = error(code, "", message)
 
 
 class _RefusedNumber(float):
@@ -87,15 +82,15 @@ class _RepeatingObject(dict[str, Any]):
 
 def _decoded(data: bytes) -> str:
     if len(data) > MAX_JSON_BYTES:
-        raise _UnreadableError("size", f"has {len(data)} bytes; the limit is {MAX_JSON_BYTES}")
+        raise FoundError("size", "", f"has {len(data)} bytes; the limit is {MAX_JSON_BYTES}")
     if data.startswith(codecs.BOM_UTF8):
-        raise _UnreadableError("byte-order-mark", "begins with a byte order mark. Save it as UTF-8 without one.")
+        raise FoundError("byte-order-mark", "", "begins with a byte order mark. Save it as UTF-8 without one.")
     if not data:
-        raise _UnreadableError("syntax", "is empty. Check that it was written completely.")
+        raise FoundError("syntax", "", "is empty. Check that it was written completely.")
     try:
         return decoded(data)
     except DecodingError as problem:
-        raise _UnreadableError("encoding", str(problem)) from problem
+        raise FoundError("encoding", "", str(problem)) from problem
 
 
 def _measure(data: bytes) -> None:
@@ -116,9 +111,9 @@ def _measure(data: bytes) -> None:
         deepest = max(deepest, int(depths.max(initial=0)))
         values += int(np.count_nonzero(steps > 0) + np.count_nonzero(outside == ord(",")))
     if deepest > MAX_JSON_DEPTH:
-        raise _UnreadableError("depth", f"has {deepest} nesting levels; the limit is {MAX_JSON_DEPTH}")
+        raise FoundError("depth", "", f"has {deepest} nesting levels; the limit is {MAX_JSON_DEPTH}")
     if values > MAX_VALUES:
-        raise _UnreadableError("size", f"contains {values} values; the limit is {MAX_VALUES}")
+        raise FoundError("size", "", f"contains {values} values; the limit is {MAX_VALUES}")
 
 
 def _built(text: str) -> tuple[Any, tuple[Finding, ...]]:
@@ -158,7 +153,7 @@ def _built(text: str) -> tuple[Any, tuple[Finding, ...]]:
     except json.JSONDecodeError as problem:
         offset = len(text[: problem.pos].encode())
         place = f"byte {offset}, line {problem.lineno}, column {problem.colno}"
-        raise _UnreadableError("syntax", f"is not JSON at {place}: {problem.msg}") from problem
+        raise FoundError("syntax", "", f"is not JSON at {place}: {problem.msg}") from problem
     return document, tuple(first(_locate_findings(document, ""))) if has_findings else ()
 
 

@@ -13,11 +13,11 @@ SEPARATORS = ",;\t"
 
 
 class TableError(ValueError):
-    """Text is not a table from ``line`` on."""
+    """Text is not a table from ``line`` on, or a cell of it is invalid."""
 
-    def __init__(self, line: int, message: str):
+    def __init__(self, line: int, message: str, column: int = 0):
         super().__init__(message)
-        self.line, self.place = line, f"line {line}"
+        self.line, self.place = line, f"line {line}, column {column}" if column else f"line {line}"
 
 
 def read_rows(text: str) -> Iterator[tuple[int, list[str]]]:
@@ -46,14 +46,6 @@ def read_rows(text: str) -> Iterator[tuple[int, list[str]]]:
         raise TableError(last + 1, f"is not a row of a table: {problem}") from problem
 
 
-class CellError(TableError):
-    """A cell of a table is invalid."""
-
-    def __init__(self, line: int, column: int, message: str):
-        super().__init__(line, message)
-        self.place += f", column {column}"
-
-
 @contextmanager
 def naming_file(path: str | os.PathLike[str]) -> Iterator[None]:
     """Convert table errors to a CalibrationFormatError that names the file."""
@@ -72,17 +64,17 @@ def read_named_rows(text: str) -> Iterator[tuple[int, list[str]]]:
             cells, width = [cell.lower() for cell in cells], len(cells)
         elif len(cells) != width:
             column = min(len(cells), width) + 1
-            raise CellError(line, column, f"the row has {len(cells)} columns, but the header has {width}")
+            raise TableError(line, f"the row has {len(cells)} columns, but the header has {width}", column)
         yield line, cells
 
 
 def find_column(header: list[str], name: str, line: int) -> int:
     """Return the position of a column."""
     if name not in header:
-        raise CellError(line, len(header) + 1, f"the header names no column {show(name)}{did_you_mean(name, header)}")
+        raise TableError(line, f"the header names no column {show(name)}{did_you_mean(name, header)}", len(header) + 1)
     place = header.index(name)
     if name in header[place + 1 :]:
-        raise CellError(line, header.index(name, place + 1) + 1, f"the header names the column {show(name)} twice")
+        raise TableError(line, f"the header names the column {show(name)} twice", header.index(name, place + 1) + 1)
     return place
 
 
@@ -91,4 +83,4 @@ def number_in(row: list[str], column: int, line: int) -> float:
     try:
         return real(row[column]) + 0.0  # no minus zero
     except NumberError as problem:
-        raise CellError(line, column + 1, str(problem)) from problem
+        raise TableError(line, str(problem), column + 1) from problem

@@ -65,8 +65,8 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
     quads, all_normals = _quads(grid), _quad_normals(all_quads)
     normals = all_normals[: len(quads)]
     camera = look_at(_visible_normals(calibration, normals), unit(grid[-1].mean(axis=0) - grid[0].mean(axis=0)))
-    panels: list[_Panel] = [_TaxelPanel(calibration, all_quads, all_normals)]
-    panels[:0] = [_MeshPanel(calibration, mesh), _ErrorPanel(calibration, all_quads, all_normals, mesh)] if mesh else []
+    of_mesh = [_mesh_panel(calibration, mesh), _error_panel(calibration, all_quads, all_normals, mesh)] if mesh else []
+    panels = [*of_mesh, _taxel_panel(calibration, all_quads, all_normals)]
     notes = _notes(calibration, WRAP_WIDTH * len(panels))
     height = 5 + NOTE_LINE_HEIGHT * len(notes)
     figure.set_size_inches(5 * len(panels), height)
@@ -80,7 +80,8 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
         axis = figure.add_axes((left + 0.02 * width, low + 0.01 * scale, 0.76 * width, 0.9 * scale))
         axis.set_title(panel.title)
         _paint(axis, camera, panel.layers)
-        panel.decorate(axis, camera)
+        if panel is panels[-1]:
+            _decorate(axis, camera, calibration)
         if panel.colours:
             bar = figure.add_axes((left + 0.82 * width, low + 0.15 * scale, 0.03 * width, 0.65 * scale))
             figure.colorbar(panel.colours, bar, label=panel.unit)
@@ -134,76 +135,68 @@ def _visible_normals(calibration: LinkCalibration, normals: Array) -> Array:
     return normals[np.abs(np.arange(len(normals)) % QUAD_COUNTS[1] / QUAD_COUNTS[1] - 0.5) < 0.2]
 
 
+@dataclass(frozen=True, eq=False)
 class _Panel:
-    """One drawing: layers of polygons with normals, colours and outlines, and a colour bar."""
+    """One drawing: layers of polygons with normals, colours and outlines, and a colour bar from zero."""
 
     title: str
-    unit = ""
-    colours: Any = None
     layers: list[Any]
-
-    def decorate(self, axis: Any, camera: Camera) -> None:
-        """Draw what is above the layers."""
-
-    def scale(self, name: str, largest: float) -> Any:
-        """Return colours from zero to a largest value."""
-        from matplotlib.cm import ScalarMappable
-        from matplotlib.colors import Normalize
-
-        self.colours = ScalarMappable(Normalize(0, largest), name)
-        return self.colours
+    colours: Any = None
+    unit: str = ""
 
 
-class _MeshPanel(_Panel):
-    def __init__(self, calibration: LinkCalibration, mesh: TriangleMesh):
-        self.title = f"{calibration.link}: cover, {len(mesh.faces)} faces"
-        self.layers = [(mesh.triangles, mesh.face_normals, PLAIN, (0.45, 0.47, 0.5, 0.35))]
+def _scale(name: str, largest: float) -> Any:
+    """Return colours from zero to a largest value."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    return ScalarMappable(Normalize(0, largest), name)
 
 
-class _ErrorPanel(_Panel):
-    unit = "distance to the mesh [mm]"
-
-    def __init__(self, calibration: LinkCalibration, quads: Array, normals: Array, mesh: TriangleMesh):
-        errors = [surface.errors.surface_to_mesh for surface in calibration.surfaces]
-        largest = max(e.max for e in errors)
-        self.title = f"surface: mean {max(e.mean for e in errors) * 1e3:.3f} mm, max {largest * 1e3:.3f} mm"
-        if len(errors) > 1:
-            self.title = f"worst of {len(errors)} surfaces{self.title.removeprefix('surface')}"
-        u, v = ((np.arange(k) + 0.5) / k for k in QUAD_COUNTS)
-        # Points of the surfaces; a quad is a chord of them.
-        middles = [surface_of(surface).grid_points(u, v).reshape(-1, 3) for surface in calibration.surfaces]
-        distance = closest(mesh, np.concatenate(middles))[0]
-        scale = self.scale("turbo", 1e3 * min(largest, 5 * max(e.rms for e in errors)))
-        beyond = distance > 2 * largest  # the surface extends beyond the mesh
-        colours = np.where(beyond[:, None], PLAIN, scale.to_rgba(1e3 * distance)[:, :3])
-        self.layers = [(quads, normals, colours, None)]
+def _mesh_panel(calibration: LinkCalibration, mesh: TriangleMesh) -> _Panel:
+    layer = (mesh.triangles, mesh.face_normals, PLAIN, (0.45, 0.47, 0.5, 0.35))
+    return _Panel(f"{calibration.link}: cover, {len(mesh.faces)} faces", [layer])
 
 
-class _TaxelPanel(_Panel):
-    def __init__(self, calibration: LinkCalibration, quads: Array, normals: Array):
-        self.warnings = calibration.warnings[:MAX_WARNINGS_SHOWN]
-        self.taxels = [p.taxels for p in calibration.patches]
-        self.title = f"{sum(len(t.ids) for t in self.taxels)} taxels and their normals"
-        if any(np.isfinite(t.sigma).any() for t in self.taxels):
-            self.title += "\ncircles: one sigma along the surface"
-        shown = {name for t in self.taxels for name in t.quality}
-        name, scale, least, self.unit = next((q for q in SHOWN if q[0] in shown), SHOWN[0])
-        values = [scale * np.abs(t.quality.get(name, np.zeros((len(t.ids), 1)))) for t in self.taxels]
-        values = [v.reshape(len(v), -1)[:, :2].max(axis=1) for v in values]
-        colours = self.scale("viridis", max(least, *(float(v.max()) for v in values)) if values else least)
-        self.layers = [(quads, normals, PLAIN, None)]
-        for t, v in zip(self.taxels, values):
-            self.layers.append((t.corners_link, t.normals_link, colours.to_rgba(v)[:, :3], "white"))
+def _error_panel(calibration: LinkCalibration, quads: Array, normals: Array, mesh: TriangleMesh) -> _Panel:
+    errors = [surface.errors.surface_to_mesh for surface in calibration.surfaces]
+    largest = max(e.max for e in errors)
+    which = "surface" if len(errors) == 1 else f"worst of {len(errors)} surfaces"
+    title = f"{which}: mean {max(e.mean for e in errors) * 1e3:.3f} mm, max {largest * 1e3:.3f} mm"
+    u, v = ((np.arange(k) + 0.5) / k for k in QUAD_COUNTS)
+    # Points of the surfaces; a quad is a chord of them.
+    middles = [surface_of(surface).grid_points(u, v).reshape(-1, 3) for surface in calibration.surfaces]
+    distance = closest(mesh, np.concatenate(middles))[0]
+    scale = _scale("turbo", 1e3 * min(largest, 5 * max(e.rms for e in errors)))
+    beyond = distance > 2 * largest  # the surface extends beyond the mesh
+    colours = np.where(beyond[:, None], PLAIN, scale.to_rgba(1e3 * distance)[:, :3])
+    return _Panel(title, [(quads, normals, colours, None)], scale, "distance to the mesh [mm]")
 
-    def decorate(self, axis: Any, camera: Camera) -> None:
-        for t in self.taxels:
-            _draw_normals(axis, camera, t.positions_link, t.normals_link)
-            _draw_sigma(axis, camera, t)
-        for number, warning in enumerate(self.warnings, 1):
-            if warning.where.point is not None:
-                x, y = 1e3 * camera.project(np.array(warning.where.point))[:2]
-                axis.plot(x, y, "o", markersize=11, markerfacecolor="white", markeredgecolor=NOTE_COLOUR)
-                axis.text(x, y, str(number), size=7, ha="center", va="center", color=NOTE_COLOUR)
+
+def _taxel_panel(calibration: LinkCalibration, quads: Array, normals: Array) -> _Panel:
+    taxels = [p.taxels for p in calibration.patches]
+    title = f"{sum(len(t.ids) for t in taxels)} taxels and their normals"
+    if any(np.isfinite(t.sigma).any() for t in taxels):
+        title += "\ncircles: one sigma along the surface"
+    shown = {name for t in taxels for name in t.quality}
+    name, factor, least, unit = next((q for q in SHOWN if q[0] in shown), SHOWN[0])
+    values = [factor * np.abs(t.quality.get(name, np.zeros((len(t.ids), 1)))) for t in taxels]
+    values = [v.reshape(len(v), -1)[:, :2].max(axis=1) for v in values]
+    colours = _scale("viridis", max(least, *(float(v.max()) for v in values)) if values else least)
+    cells = [(t.corners_link, t.normals_link, colours.to_rgba(v)[:, :3], "white") for t, v in zip(taxels, values)]
+    return _Panel(title, [(quads, normals, PLAIN, None), *cells], colours, unit)
+
+
+def _decorate(axis: Any, camera: Camera, calibration: LinkCalibration) -> None:
+    """Draw normals and uncertainties of the taxels, and the numbers of the warnings at their places."""
+    for patch in calibration.patches:
+        _draw_normals(axis, camera, patch.taxels.positions_link, patch.taxels.normals_link)
+        _draw_sigma(axis, camera, patch.taxels)
+    for number, warning in enumerate(calibration.warnings[:MAX_WARNINGS_SHOWN], 1):
+        if warning.where.point is not None:
+            x, y = 1e3 * camera.project(np.array(warning.where.point))[:2]
+            axis.plot(x, y, "o", markersize=11, markerfacecolor="white", markeredgecolor=NOTE_COLOUR)
+            axis.text(x, y, str(number), size=7, ha="center", va="center", color=NOTE_COLOUR)
 
 
 def _paint(axis: Any, camera: Camera, layers: list[Any]) -> None:
@@ -250,8 +243,7 @@ def _draw_sigma(axis: Any, camera: Camera, taxels: TaxelArray) -> None:
     sigma = taxels.known_sigma[:, 0]
     seen = (taxels.normals_link @ camera.axes[2] > 0) & np.isfinite(sigma)
     angles = np.linspace(0, 2 * np.pi, CIRCLE_POINTS)
-    across = np.cross(taxels.normals_link, taxels.tangents_link)
-    arms = np.cos(angles)[:, None] * taxels.tangents_link[:, None] + np.sin(angles)[:, None] * across[:, None]
+    arms = np.stack((np.cos(angles), np.sin(angles)), axis=1) @ taxels.axes_link
     circles = (taxels.positions_link[:, None] + sigma[:, None, None] * arms)[seen]
     axis.add_collection(LineCollection(list(camera.project(circles)[..., :2] * 1e3), colors="#d62728", linewidths=0.6))
 

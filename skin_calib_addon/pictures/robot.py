@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..calibration.model import LinkCalibration
-from ..common.arrays import Array, BoolArray, IntArray, unit
+from ..common.arrays import Array, BoolArray, IntArray, ranges, unit
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from .calibration import LIGHT, PLAIN, Camera, blank, look_at, save_png
 
@@ -109,8 +109,7 @@ def _nearest(pixels: Array, visible: BoolArray, size: IntArray) -> IntArray:
     a, b, c = pixels[:, 0], pixels[:, 1], pixels[:, 2]
     area: Array = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
     drawn = np.flatnonzero(visible & (np.abs(area) > MIN_TRIANGLE_AREA))
-    first = np.ceil(pixels[drawn, :, 1].min(axis=1)).astype(int)
-    face, row = _ranges(drawn, first, np.floor(pixels[drawn, :, 1].max(axis=1)).astype(int))
+    face, row = _spans(drawn, pixels[drawn, :, 1].min(axis=1), pixels[drawn, :, 1].max(axis=1))
     ends = []  # columns at which the row crosses the sides of the triangle; inside out where it does not
     for start, end in ((a, b), (b, c), (c, a)):
         p, q = start[face], end[face]
@@ -119,7 +118,7 @@ def _nearest(pixels: Array, visible: BoolArray, size: IntArray) -> IntArray:
         ends.append(np.where(crosses, p[:, 0] + fraction * (q[:, 0] - p[:, 0]), np.nan))
     left, right = np.fmin.reduce(ends), np.fmax.reduce(ends)
     known = np.flatnonzero(np.isfinite(left))
-    span, column = _ranges(known, np.ceil(left[known]).astype(int), np.floor(right[known]).astype(int))
+    span, column = _spans(known, left[known], right[known])
     face, row = face[span], row[span]
     p, q, r = a[face], b[face], c[face]
     u: Array = ((column - p[:, 0]) * (r[:, 1] - p[:, 1]) - (row - p[:, 1]) * (r[:, 0] - p[:, 0])) / area[face]
@@ -131,8 +130,8 @@ def _nearest(pixels: Array, visible: BoolArray, size: IntArray) -> IntArray:
     return nearest
 
 
-def _ranges(owners: IntArray, first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the integers from ``first`` to ``last`` of all owners in a row, with the owner of each."""
-    counts = np.maximum(last - first + 1, 0)
-    starts = np.cumsum(counts) - counts
-    return np.repeat(owners, counts), np.arange(counts.sum()) - np.repeat(starts - first, counts)
+def _spans(owners: IntArray, first: Array, last: Array) -> tuple[IntArray, IntArray]:
+    """Return the integers between ``first`` and ``last`` of all owners in a row, with the owner of each."""
+    start = np.ceil(first).astype(np.int64)
+    counts = np.maximum(np.floor(last).astype(np.int64) - start + 1, 0)
+    return np.repeat(owners, counts), ranges(start, counts)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from ..common.arrays import Array
 from ..common.errors import SkinCalibError
 from ..validation.placement import Placement, flat_places
 from .calibration import blank, save_png
@@ -35,7 +34,7 @@ def _draw_map(axis: Any, placement: Placement) -> None:
 
     patch = placement.patch
     points = flat_places(patch, patch.taxels.index) * 1e3
-    outlines = points[:, None] + _outlines(placement) * 1e3
+    outlines = points[:, None] + patch.taxels.flat_corners * 1e3
     touched = np.zeros(len(points), bool)
     touched[placement.rows] = True
     colours = np.where(touched[:, None], (0.80, 0.87, 0.95), (0.94, 0.94, 0.95))
@@ -60,7 +59,7 @@ def _draw_cell(axis: Any, placement: Placement) -> None:
     """Draw all touches on one cell, and their mean."""
     from matplotlib.patches import Ellipse
 
-    offsets, outline = placement.offsets[:, :2] * 1e3, _outlines(placement)[placement.rows[0]] * 1e3
+    offsets, outline = placement.offsets[:, :2] * 1e3, placement.patch.taxels.flat_corners[placement.rows[0]] * 1e3
     closed = np.concatenate((outline, outline[:1]))
     axis.plot(*closed.T, color="0.5", linewidth=1.0, label="cell")
     axis.plot(*offsets.T, "o", color="#1f77b4", markersize=3, alpha=0.6, label="touch")
@@ -89,11 +88,3 @@ def _add_legend(axis: Any) -> None:
     """Add a legend below the drawing."""
     # a fixed distance below the axis: its label and ticks are in between
     axis.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, 0), borderaxespad=5, ncols=3, frameon=False)
-
-
-def _outlines(placement: Placement) -> Array:
-    """Return corners of each cell relative to its taxel, along its row and across it, shape (n, k, 2) [m]."""
-    taxels = placement.patch.taxels
-    arms = taxels.corners_link - taxels.positions_link[:, None]
-    across = np.cross(taxels.normals_link, taxels.tangents_link)
-    return np.stack([(arms * axis[:, None]).sum(axis=2) for axis in (taxels.tangents_link, across)], axis=2)

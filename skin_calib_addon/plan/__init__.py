@@ -1,7 +1,7 @@
 """The author's choices for one link: what to cut, where the planes are, which skins."""
 
 from .document import plan_document, plan_from
-from .file import check_frame, check_plan, check_plan_wholly, load_plan, save_plan
+from .file import check_plan, check_plan_wholly, load_plan, save_plan
 from .keys import FORMAT, PLAN_VERSION
 from .plan import Plan, named_from
 
@@ -9,7 +9,6 @@ __all__ = [
     "FORMAT",
     "PLAN_VERSION",
     "Plan",
-    "check_frame",
     "check_plan",
     "check_plan_wholly",
     "load_plan",

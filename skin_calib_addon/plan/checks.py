@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..calibration.parts import pointers_with_findings
+from ..calibration.parts import sound_items
 from ..common.arrays import MIN_DIRECTION_LENGTH
 from ..common.errors import InvalidPlan, SkinCalibError, listed
 from ..common.findings import Finding, child, did_you_mean, error
@@ -156,15 +156,12 @@ def check_landmarks(skin: SheetSkin) -> None:
 
 def frames_are_rotations(document: Any, findings: Iterable[Finding]) -> Iterator[Finding]:
     """Yield an error for each frame of imported taxels that mirrors, scales or shears."""
-    wrong = pointers_with_findings(findings)
-    skins = document.get("skins") if isinstance(document, dict) else None
-    for k, skin in enumerate(skins if isinstance(skins, list) else ()):
-        if child("", "skins", k) not in wrong and "frame" in skin:
+    for pointer, skin in sound_items(document, "skins", findings):
+        if "frame" in skin:
             rotation = skin["frame"]["rotation"]
-            problem = not_a_rotation(np.array(rotation, float))
-            if problem:
-                pointer = child("", "skins", k, "frame", "rotation")
-                yield error("rotation", pointer, f"is not a rotation: it {problem}", rotation)
+            if problem := not_a_rotation(np.array(rotation, float)):
+                message = f"is not a rotation: it {problem}"
+                yield error("rotation", child(pointer, "frame", "rotation"), message, rotation)
 
 
 def check_direction(vector: Any, message: str) -> None:

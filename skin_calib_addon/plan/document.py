@@ -98,6 +98,13 @@ def as_tuples(value: Any) -> Any:
     return tuple(as_tuples(item) for item in value) if isinstance(value, list) else value
 
 
+def whole(value: Any) -> Any:
+    """Return whole numbers, with tuples instead of lists: JSON takes 6.0 for one. Words stay as they are."""
+    if isinstance(value, list):
+        return tuple(whole(item) for item in value)
+    return value if isinstance(value, str) else int(value)
+
+
 def as_lists(value: Any) -> Any:
     """Return a value with lists instead of tuples."""
     return [as_lists(item) for item in value] if isinstance(value, tuple) else value
@@ -188,6 +195,8 @@ def skin_kind(skin: Skin) -> str:
 
 # By kind of type, where records and tuples are not enough.
 READ: dict[str, Callable[[Any], Any]] = {
+    "count": whole,
+    "cells": whole,
     "file": Path,
     "mesh": Path,
     "planes": read_planes,

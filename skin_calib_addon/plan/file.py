@@ -12,6 +12,7 @@ from ..common.atomic_file import write_bytes_safely
 from ..common.errors import CalibrationFormatError, InvalidPlan
 from ..common.findings import Finding, error
 from ..common.schema_check import check
+from ..common.schema_types import is_same
 from ..common.strict_json import parse, read
 from .checks import frames_are_rotations
 from .document import plan_document, plan_from
@@ -70,9 +71,8 @@ def check_plan(document: Any) -> tuple[Finding, ...]:
     if other:
         return other
     version = document.get("version") if isinstance(document, dict) else None
-    is_known = isinstance(version, int) and version in PLANS
-    schema = {"$ref": f"#/$defs/version_{version if is_known else 1}", "$defs": plan_schema()["$defs"]}
-    findings = check(document, schema)
+    known = next((known for known in PLANS if is_same(version, known)), 1)
+    findings = check_part(document, f"version_{known}")
     checks = (responses_are_monotone, modalities_are_distinct, frames_are_rotations)
     return (*findings, *(finding for check_part in checks for finding in check_part(document, findings)))
 
@@ -88,16 +88,7 @@ def check_plan_wholly(document: Any) -> tuple[Finding, ...]:
     return findings
 
 
-def check_frame(frame: Any) -> tuple[Finding, ...]:
-    """Return every place where the frame of imported taxels breaks the plan's schema."""
-    return _check_part(frame, "frame")
-
-
-def check_skin(skin: dict[str, Any]) -> tuple[Finding, ...]:
-    """Return every place where a skin of a known kind breaks the plan's schema."""
-    return _check_part(skin, skin["kind"])
-
-
-def _check_part(document: Any, name: str) -> tuple[Finding, ...]:
+def check_part(document: Any, name: str) -> tuple[Finding, ...]:
+    """Return every place where a document breaks a definition of the plan's schema, such as ``frame`` or ``sheet``."""
     definitions = plan_schema()["$defs"]
     return check(document, definitions[name] | {"$defs": definitions})

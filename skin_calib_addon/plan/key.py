@@ -65,7 +65,7 @@ class Key:
     description: str
     default: Any = REQUIRED  # as Python value; None where the program finds the value
     otherwise: str = ""  # what the default means, where its value does not say it
-    label: str = ""  # in the window; empty: the window does not have it
+    label: str | None = None  # in the window, where it is not the name; empty: the window does not have it
     always: bool = False  # whether it is written where it is the default
     word: str = ""  # which stands for None in the plan file
     field: str | None = None  # of the frozen record, or of one of its parts; None: of the same name; "": none
@@ -76,6 +76,11 @@ class Key:
     labels: tuple[str, ...] = ()  # in the window, of each number of a pair; of an entry of a list
     joined: bool = False  # whether the window shows it directly below the key before
     panel: str = ""  # in which the window has it, where that is not the panel of the other keys of its record
+
+    def __post_init__(self):
+        if self.label is None:
+            words = self.name.replace("_", " ").title()
+            object.__setattr__(self, "label", "" if self.type.kind == "constant" else words)
 
     @property
     def path(self) -> str:

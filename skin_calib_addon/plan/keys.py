@@ -8,6 +8,7 @@ from ..calibration.exchange import FORMATS, READABLE
 from ..calibration.modality import UNITS, Modality
 from ..calibration.model import MAX_CHANNEL
 from ..calibration.response import Response
+from ..calibration.validate import SCHEMA
 from ..geometry.fit.diagnosis import MAX_DEVIATION
 from ..geometry.grid.axis import Axis
 from ..geometry.grid.grids import Across, Grid, PlanesGrid, Sector, Size, Tolerance, Tube
@@ -119,29 +120,8 @@ SKINS = Type(
 RESPONSE = Type(
     "response", "polynomial or table", {"oneOf": [{"$ref": "#/$defs/polynomial"}, {"$ref": "#/$defs/table"}]}
 )
-# The two kinds of response, which calibration files have, too.
-RESPONSES: dict[str, Any] = {
-    "polynomial": {
-        "type": "object",
-        "required": ["kind", "coefficients"],
-        "properties": {
-            "kind": {"const": "polynomial"},
-            "coefficients": {"type": "array", "items": {"type": "number"}, "minItems": 1, "maxItems": 16},
-            "range": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
-        },
-        "additionalProperties": False,
-    },
-    "table": {
-        "type": "object",
-        "required": ["kind", "readings", "forces"],
-        "properties": {
-            "kind": {"const": "table"},
-            "readings": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 65536},
-            "forces": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 65536},
-        },
-        "additionalProperties": False,
-    },
-}
+# The kinds of response are those of calibration files.
+RESPONSES: dict[str, Any] = {name: SCHEMA["$defs"][name] for name in ("polynomial", "table", "pair")}
 
 
 def kind(value: str) -> Key:
@@ -156,12 +136,11 @@ PLANE = Record(
     "Plane",
     Cut,
     (
-        Key("point", POINT, "A point of the plane, in the link frame.", label="Point"),
+        Key("point", POINT, "A point of the plane, in the link frame."),
         Key(
             "normal",
             DIRECTION,
             "Perpendicular to the plane, of any length; a cut keeps the side to which it points.",
-            label="Normal",
             first=(0, 0, 1),
         ),
     ),
@@ -183,7 +162,6 @@ COVER = Record(
             ),
             "Which faces of the mesh belong to the cover.",
             default="outer",
-            label="Shell",
             always=True,
         ),
         Key(
@@ -191,7 +169,6 @@ COVER = Record(
             many(PLANE),
             "Planes that cut the mesh; each keeps the side to which its normal points.",
             default=(),
-            label="Cuts",
             labels=("Cut",),
             always=True,
         ),
@@ -207,6 +184,7 @@ M = Key(
     "Number of full planes through the axis, instead of `lines`: each gives two lines of a tube, one line of a patch.",
     default=None,
     field="",
+    label="",
 )
 LINES = Key(
     "lines",
@@ -227,14 +205,12 @@ SPACING = Key(
     ),
     "How planes and lines are spaced.",
     default="auto",
-    label="Spacing",
     always=True,
 )
 TOLERANCE = Key(
     "tolerance",
     length(digits=6, exclusiveMinimum=0),
     "Largest distance from surface to mesh; the smallest grid that keeps it is found.",
-    label="Tolerance",
     first=2e-5,
 )
 MEASURE = Key(
@@ -242,7 +218,6 @@ MEASURE = Key(
     choice(Choice("mean", "Mean", "The mean distance"), Choice("max", "Max", "The largest distance")),
     "Which distance the tolerance limits.",
     default="mean",
-    label="Measure",
     joined=True,
     always=True,
 )
@@ -263,7 +238,6 @@ AXIS = Key(
     "Axis of the link.",
     default=None,
     otherwise="found from the sections of the mesh, towards the thinner end",
-    label="Axis",
     word="auto",
     switch=Switch("auto_axis", "Automatic Axis"),
     always=True,
@@ -280,7 +254,6 @@ MARGIN = Key(
     "Length left free at both ends.",
     default=None,
     otherwise="a tube uses its longest run of complete sections, a face leaves a hundredth of its longer side free",
-    label="Margin",
     first=0.002,
     switch=Switch("auto_margin", "Automatic Margin"),
 )
@@ -299,7 +272,6 @@ BOUNDARY = Key(
     "replace the margin.",
     default=(),
     otherwise="the whole region",
-    label="Boundary",
 )
 FROM = Key(
     "from",
@@ -307,7 +279,6 @@ FROM = Key(
     "First angle about the axis, from the side of the link's x axis; of its y axis where the tube runs along x.",
     field="start",
     blender="start",
-    label="From",
     first=-1.5,
 )
 TO = Key(
@@ -316,54 +287,30 @@ TO = Key(
     "Last angle about the axis, larger than the first.",
     field="stop",
     blender="stop",
-    label="To",
     first=1.5,
     joined=True,
 )
 NORMAL = Key("normal", DIRECTION, "Outward normal of the face, out of the robot.", label="Outward", first=(0, 0, -1))
 
-TUBE = Record(
-    "tube",
-    "Tube",
-    Grid,
-    (kind("tube"), N, M, LINES, SPACING, AXIS, MARGIN, BOUNDARY),
-    {"region": Tube, "size": Size},
-)
-SECTOR = Record(
-    "sector",
-    "Sector of a tube",
-    Grid,
-    (kind("patch"), N, M, LINES, SPACING, AXIS, FROM, TO, MARGIN, BOUNDARY),
-    {"region": Sector, "size": Size},
-)
-ACROSS = Record(
-    "across",
-    "Across a face",
-    Grid,
-    (kind("patch"), N, M, LINES, SPACING, NORMAL, FACE_AXIS, MARGIN, BOUNDARY),
-    {"region": Across, "size": Size},
-)
-AUTO_TUBE = Record(
-    "auto_tube",
-    "Automatic tube",
-    Grid,
-    (kind("auto"), TOLERANCE, MEASURE, AXIS, MARGIN, BOUNDARY),
-    {"region": Tube, "size": Tolerance},
-)
-AUTO_SECTOR = Record(
-    "auto_sector",
-    "Automatic sector of a tube",
-    Grid,
-    (kind("auto"), TOLERANCE, MEASURE, AXIS, FROM, TO, MARGIN, BOUNDARY),
-    {"region": Sector, "size": Tolerance},
-)
-AUTO_ACROSS = Record(
-    "auto_across",
-    "Automatic across a face",
-    Grid,
-    (kind("auto"), TOLERANCE, MEASURE, AXIS, NORMAL, MARGIN, BOUNDARY),
-    {"region": Across, "size": Tolerance},
-)
+
+def grid_of_lines(name: str, title: str, kind_of: str, region: type, *own: Key) -> Record:
+    """Return the keys of a grid with numbers of planes and lines in a region, which has keys of its own."""
+    keys = (kind(kind_of), N, M, LINES, SPACING, *own, MARGIN, BOUNDARY)
+    return Record(name, title, Grid, keys, {"region": region, "size": Size})
+
+
+def grid_of_tolerance(name: str, title: str, region: type, *own: Key) -> Record:
+    """Return the keys of the smallest grid that keeps a tolerance in a region, which has keys of its own."""
+    keys = (kind("auto"), TOLERANCE, MEASURE, *own, MARGIN, BOUNDARY)
+    return Record(name, title, Grid, keys, {"region": region, "size": Tolerance})
+
+
+TUBE = grid_of_lines("tube", "Tube", "tube", Tube, AXIS)
+SECTOR = grid_of_lines("sector", "Sector of a tube", "patch", Sector, AXIS, FROM, TO)
+ACROSS = grid_of_lines("across", "Across a face", "patch", Across, NORMAL, FACE_AXIS)
+AUTO_TUBE = grid_of_tolerance("auto_tube", "Automatic tube", Tube, AXIS)
+AUTO_SECTOR = grid_of_tolerance("auto_sector", "Automatic sector of a tube", Sector, AXIS, FROM, TO)
+AUTO_ACROSS = grid_of_tolerance("auto_across", "Automatic across a face", Across, AXIS, NORMAL)
 PLANES = Record(
     "planes",
     "Planes one by one",
@@ -388,7 +335,6 @@ PLANES = Record(
             "closed",
             SWITCH,
             "Whether the v-planes go all round the link; each then cuts a section twice and gives two lines.",
-            label="Closed",
             first=True,
         ),
     ),
@@ -418,14 +364,13 @@ GRID_REGIONS = (
 
 # Skins: what they have in common, then each kind.
 
-PATCH_NAME = Key("name", NAME, "Name of the patch; ids of its taxels begin with it.", label="Name", first="skin")
+PATCH_NAME = Key("name", NAME, "Name of the patch; ids of its taxels begin with it.", first="skin")
 SURFACE_OF_SKIN = Key(
     "surface",
     NAME,
     "Name of the surface that the skin is on.",
     default=None,
     otherwise="the first surface of the plan",
-    label="Surface",
     empty="",
 )
 ORIGIN = Key(
@@ -434,7 +379,6 @@ ORIGIN = Key(
     "Where the centre of cell (0, 0) lies, on or near the mesh.",
     default=None,
     otherwise="a sheet is centred on the surface, boards start from its middle",
-    label="Origin",
     word="center",
     switch=Switch("centred", "Centred"),
     always=True,
@@ -443,7 +387,6 @@ ROW_DIRECTION = Key(
     "direction",
     DIRECTION,
     "Direction of the row of the origin; its part in the surface counts.",
-    label="Direction",
     first=(0, 1, 0),
     switch=Switch("auto_direction", "Automatic Direction", "Rows of boards run along the lines of the surface"),
 )
@@ -452,7 +395,6 @@ OFFSET = Key(
     length(minimum=-1, maximum=1),
     "Height of the skin's neutral layer above the surface: the layer that keeps its lengths.",
     default=0.0,
-    label="Offset",
 )
 FIRST_CHANNEL = Key(
     "first_channel",
@@ -460,7 +402,6 @@ FIRST_CHANNEL = Key(
     "Channel of the first taxel.",
     default=None,
     otherwise="the channels follow those of the skin before",
-    label="First Channel",
     switch=Switch("auto_channel", "Channels Follow", ticked=False),
 )
 MOUNTING = Record(
@@ -493,7 +434,6 @@ MOUNTING = Record(
             "Point of the skin where position and rotation are uncertain independently of each other.",
             default=None,
             otherwise="the origin, the first landmark, or the middle of a centred sheet or of imported taxels",
-            label="Anchor",
             switch=Switch("auto_anchor", "Anchor at Origin"),
         ),
     ),
@@ -504,7 +444,6 @@ REGISTRATION = Key(
     "How exactly the skin is mounted; the uncertainty of its taxels follows. `touches --refine` writes it.",
     default=None,
     otherwise="1 mm and 1 degree; with two landmarks the rotation follows from 1 mm at each",
-    label="Registration",
     switch=Switch("auto_registration", "Standard Mount"),
 )
 
@@ -513,13 +452,12 @@ SINGLE_TAXEL = Record(
     "Single taxel",
     SingleTaxel,
     (
-        Key("taxel", TEXT, "Id of the taxel without the name of the skin, such as `2.7`.", label="Taxel"),
+        Key("taxel", TEXT, "Id of the taxel without the name of the skin, such as `2.7`."),
         Key(
             "enabled",
             SWITCH,
             "Whether the calibration has the taxel. The others keep their ids and channels.",
             default=True,
-            label="Enabled",
         ),
         Key(
             "channel",
@@ -527,7 +465,6 @@ SINGLE_TAXEL = Record(
             "Its channel.",
             default=None,
             otherwise="by its position in the skin",
-            label="Channel",
             switch=Switch("auto_channel", "Usual Channel"),
         ),
     ),
@@ -550,9 +487,8 @@ LANDMARK = Record(
             "cell",
             pair("count", "`[row, column]`", {"type": "integer", "minimum": 0}),
             "Row and column of the cell, counted from 0.",
-            label="Cell",
         ),
-        Key("point", POINT, "Where the centre of the cell lies, in the link frame.", label="Point"),
+        Key("point", POINT, "Where the centre of the cell lies, in the link frame."),
     ),
 )
 SHEET = Record(
@@ -563,20 +499,12 @@ SHEET = Record(
         PATCH_NAME,
         kind("sheet"),
         SURFACE_OF_SKIN,
-        Key("rows", count(minimum=1, maximum=1000), "Number of rows of cells.", label="Rows", first=6),
-        Key(
-            "columns",
-            count(minimum=1, maximum=1000),
-            "Number of cells in a row.",
-            label="Columns",
-            first=20,
-            joined=True,
-        ),
+        Key("rows", count(minimum=1, maximum=1000), "Number of rows of cells.", first=6),
+        Key("columns", count(minimum=1, maximum=1000), "Number of cells in a row.", first=20, joined=True),
         Key(
             "pitch",
             pair("length", "two lengths", {"type": "number", "minimum": 0.00001, "maximum": 1}, "m"),
             "Distance from row to row, and from column to column.",
-            label="Pitch",
             first=(0.01, 0.01),
             labels=("Row Pitch", "Column Pitch"),
         ),
@@ -586,7 +514,6 @@ SHEET = Record(
             "Cells that are pinned to points of the mesh, instead of an origin. One gives the position of the sheet; "
             "a second turns it, without strain; from the third on the sheet is strained to meet all.",
             default=(),
-            label="Landmarks",
             labels=("Landmark",),
         ),
         ORIGIN,
@@ -599,7 +526,6 @@ SHEET = Record(
             ),
             "On which side of a row the next one lies.",
             default="right",
-            label="Hand",
         ),
         Key(
             "trim",
@@ -608,7 +534,6 @@ SHEET = Record(
             "outside the boundary, or that are inclined by more than 15 degrees to the faces below them. Otherwise "
             "those off the surface are an error. The other cells keep their ids and channels.",
             default=False,
-            label="Trim",
         ),
         Key(
             "overlap",
@@ -616,7 +541,6 @@ SHEET = Record(
             "Whether the sheet may overlap itself where it closes around the link; otherwise an overlap of more than a "
             "tenth of a cell is an error.",
             default=False,
-            label="Overlap",
         ),
         OFFSET,
         REGISTRATION,
@@ -631,12 +555,11 @@ ZONE = Record(
     "Excluded zone",
     Zone,
     (
-        Key("point", POINT, "Centre of the zone, in the link frame.", label="Point"),
+        Key("point", POINT, "Centre of the zone, in the link frame."),
         Key(
             "radius",
             length(exclusiveMinimum=0, maximum=1),
             "Boards keep this distance from the point and from the surface point nearest to it, in all directions.",
-            label="Radius",
             first=0.005,
         ),
     ),
@@ -649,21 +572,13 @@ BOARDS = Record(
         PATCH_NAME,
         kind("hexagons"),
         SURFACE_OF_SKIN,
-        Key(
-            "side",
-            length(minimum=0.0001, maximum=1),
-            "Length of the sides of a board.",
-            default=SIDE,
-            label="Side",
-            always=True,
-        ),
+        Key("side", length(minimum=0.0001, maximum=1), "Length of the sides of a board.", default=SIDE, always=True),
         Key(
             "gap",
             length(minimum=-1, maximum=1),
             "Gap between the sides of two boards that face each other; negative where boards are trimmed.",
             default=GAP,
             otherwise="boards trimmed as those of the TUM skin; with a side of 16.3 mm their pitch is 27.75 mm",
-            label="Gap",
             switch=Switch("auto_gap", "Standard Gap"),
             always=True,
         ),
@@ -694,7 +609,6 @@ BOARDS = Record(
             many(ZONE),
             "Discs that boards must not cover: screws, cable outlets. Edges and holes of the mesh are found.",
             default=(),
-            label="Excluded",
             labels=("Excluded Zone",),
         ),
         OFFSET,
@@ -714,15 +628,9 @@ FRAME = Record(
             "rotation",
             ROTATION,
             "From the frame of the file into the frame of the link, by rows.",
-            label="Rotation",
             first=(1, 0, 0, 0, 1, 0, 0, 0, 1),
         ),
-        Key(
-            "translation",
-            POINT,
-            "Of the file's frame, in the link frame; the rotation comes first.",
-            label="Translation",
-        ),
+        Key("translation", POINT, "Of the file's frame, in the link frame; the rotation comes first."),
     ),
 )
 IMPORTED = Record(
@@ -733,14 +641,13 @@ IMPORTED = Record(
         PATCH_NAME,
         kind("imported"),
         SURFACE_OF_SKIN,
-        Key("file", FILE, "The file that has the taxels, relative to the folder of the plan.", label="File"),
+        Key("file", FILE, "The file that has the taxels, relative to the folder of the plan."),
         Key(
             "format",
             choice(*(Choice(name, name, FORMATS[name].what) for name in READABLE)),
             "Format of the file.",
             default=None,
             otherwise="found from the content",
-            label="Format",
             empty="auto",
         ),
         Key(
@@ -749,7 +656,6 @@ IMPORTED = Record(
             "Pattern of the labels that are used, such as `l_forearm_skin_*`.",
             default=None,
             otherwise="all",
-            label="Only",
             empty="",
         ),
         Key(
@@ -758,7 +664,6 @@ IMPORTED = Record(
             "Frame of the file in the link frame.",
             default=None,
             otherwise="the file is in the link frame",
-            label="Frame",
             switch=Switch(
                 "framed",
                 "Own Frame",
@@ -772,7 +677,6 @@ IMPORTED = Record(
             SWITCH,
             "Whether taxels are moved to the surface; otherwise they stay, and their distance from it is reported.",
             default=False,
-            label="Snap",
         ),
         REGISTRATION,
         FIRST_CHANNEL,
@@ -794,9 +698,14 @@ MODALITY = Record(
     "Modality",
     Modality,
     (
-        Key("name", NAME, 'Such as "proximity"; not "force".'),
-        Key("unit", choice(*(Choice(unit, words, words) for unit, words in UNITS.items())), "Unit of the values."),
-        Key("response", RESPONSE, "Value of a reading, in this unit; values below zero count."),
+        Key("name", NAME, 'Such as "proximity"; not "force".', label=""),
+        Key(
+            "unit",
+            choice(*(Choice(unit, words, words) for unit, words in UNITS.items())),
+            "Unit of the values.",
+            label="",
+        ),
+        Key("response", RESPONSE, "Value of a reading, in this unit; values below zero count.", label=""),
         Key(
             "channels",
             Type(
@@ -810,6 +719,7 @@ MODALITY = Record(
             "Position in the readings of this modality, by the id of each taxel that has it.",
             default=None,
             otherwise="all taxels have it, with the channel of their force",
+            label="",
         ),
     ),
 )
@@ -821,17 +731,15 @@ COVER_KEY = Key(
     one(COVER, "group"),
     "What of the mesh is covered with skin.",
     default=CoverSpec(),
-    label="Cover",
     panel="Cut",
     always=True,
 )
-GRID_KEY = Key("grid", GRID, "Where planes and lines are.", label="Grid", panel="Grid")
+GRID_KEY = Key("grid", GRID, "Where planes and lines are.", panel="Grid")
 DEGREE = Key(
     "degree",
     pair("count", "two whole numbers", {"type": "integer", "minimum": 2, "maximum": 5}),
     "Degree of the surface along u and v.",
     default=(3, 3),
-    label="Degree",
     labels=("Degree U", "V"),
     panel="Grid",
     always=True,
@@ -887,7 +795,7 @@ def with_one_surface(surface: Surface, **others: Any) -> Plan:
 
 
 FORMAT_KEY = Key("format", constant(FORMAT), "The format.")
-LINK = Key("link", NAME, "Name of the robot link, as in its URDF.", label="Link", panel="Link")
+LINK = Key("link", NAME, "Name of the robot link, as in its URDF.", panel="Link")
 MESH_KEY = Key(
     "mesh",
     MESH,
@@ -900,21 +808,18 @@ UNIT = Key(
     "unit",
     choice(Choice("m", "Metres", "Metres"), Choice("mm", "Millimetres", "Millimetres")),
     "Unit of the numbers in the mesh file.",
+    label="",
 )
-SKINS_KEY = Key("skins", SKINS, "The skins on the link.", label="Skins", panel="Skin")
+SKINS_KEY = Key("skins", SKINS, "The skins on the link.", panel="Skin")
 RESPONSE_KEY = Key(
-    "response",
-    RESPONSE,
-    "Force of a reading in newtons.",
-    default=Response(),
-    otherwise="readings are newtons",
-    label="Response",
+    "response", RESPONSE, "Force of a reading in newtons.", default=Response(), otherwise="readings are newtons"
 )
 MODALITIES = Key(
     "modalities",
     many(MODALITY, maxItems=256),
     "Further quantities that taxels measure, such as proximity and temperature. Each has readings of its own.",
     default=(),
+    label="",
 )
 PLAN = Record(
     "plan",
@@ -947,7 +852,12 @@ PLAN_OF_SURFACES = Record(
         LINK,
         MESH_KEY,
         UNIT,
-        Key("surfaces", many(SURFACE, minItems=1, maxItems=100), "The surfaces that are fitted to parts of the mesh."),
+        Key(
+            "surfaces",
+            many(SURFACE, minItems=1, maxItems=100),
+            "The surfaces that are fitted to parts of the mesh.",
+            label="",
+        ),
         SKINS_KEY,
         RESPONSE_KEY,
         MODALITIES,

@@ -15,7 +15,7 @@ from ..common.text import real
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..pipeline.place_skins import place_skin
 from ..plan.document import skins_from
-from ..plan.file import check_skin
+from ..plan.file import check_part
 from ..plan.skins import SIDE, BoardSkin, SheetSkin
 from ..skin.sheet.landmarks import Landmark
 from .boards import boards_on
@@ -62,7 +62,7 @@ def _choice(document: dict[str, Any], text: str) -> SkinChoice:
     if document["kind"] == "sheet":
         defaults |= {"direction": [1, 0, 0]} | ({} if "landmarks" in document else {"origin": "center"})
     try:
-        for finding in check_skin(defaults | document):
+        for finding in check_part(defaults | document, document["kind"]):
             raise InvalidPlan(f"{finding.pointer} {finding.message}")
         (skin,) = skins_from([defaults | document])
     except InvalidPlan as problem:

@@ -9,7 +9,7 @@ import numpy as np
 from ..calibration.model import LinkCalibration
 from ..common.arrays import Array, IntArray, freeze, unit
 from ..common.findings import did_you_mean, show
-from ..common.tables import CellError, find_column, naming_file, number_in, read_named_rows
+from ..common.tables import TableError, find_column, naming_file, number_in, read_named_rows
 from ..common.text import read_text
 
 POINT = ("x", "y", "z")
@@ -66,12 +66,12 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
         for line, row in table:
             if row[owner] not in known:
                 hint = did_you_mean(row[owner], known) if who == "taxel" else ""
-                raise CellError(line, owner + 1, f"the calibration has no {who} {show(row[owner])}{hint}")
+                raise TableError(line, f"the calibration has no {who} {show(row[owner])}{hint}", owner + 1)
             names.append(known[row[owner]])
             lines.append(line)
             points_and_directions.append(_place(row, columns, line))
         if not names:
-            raise CellError(line, 1, "the table has no row below its header")
+            raise TableError(line, "the table has no row below its header", 1)
     points, directions = (np.array(part) for part in zip(*points_and_directions))
     return Touches(tuple(names), np.array(lines), points, directions)
 
@@ -96,7 +96,7 @@ def _place(row: list[str], columns: list[int], line: int) -> tuple[Array, Array]
                 f"the coordinate {numbers[far]:g} m is more than {MAX_COORDINATE:g} m from the origin of the link. "
                 "Coordinates are in metres; divide millimetres by 1000"
             )
-            raise CellError(line, columns[far] + 1, message)
+            raise TableError(line, message, columns[far] + 1)
         return numbers, np.zeros(3)
     force, moment = numbers[:3], numbers[3:]
     strength = float(np.linalg.norm(force))
@@ -105,5 +105,5 @@ def _place(row: list[str], columns: list[int], line: int) -> tuple[Array, Array]
             f"the force of {strength:.3g} N gives no reliable line of action, which needs {MIN_FORCE:g} N or more. "
             "Remove this touch"
         )
-        raise CellError(line, columns[0] + 1, message)
+        raise TableError(line, message, columns[0] + 1)
     return np.cross(force / strength, moment / strength), unit(force)

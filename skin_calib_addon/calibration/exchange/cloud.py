@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...common.findings import error, show
+from ...common.findings import FoundError, show
 from ...common.plain_text import DecodingError, decoded
 from ...common.text import MAX_TAXELS, NumberError, real, shown
 from ..model import MAX_CHANNEL, LinkCalibration
@@ -15,14 +15,6 @@ from .taxel_set import Draft, line
 
 CHANNEL = "channel"
 MARK, LINK = "taxel ", "link "  # prefixes of comments with channel and id of a taxel, and with the link name
-
-
-class CloudError(ValueError):
-    """A point cloud is invalid; ``finding`` states why."""
-
-    def __init__(self, code: str, location: str, message: str):
-        super().__init__(message)
-        self.finding = error(code, location, message)
 
 
 @dataclass
@@ -38,8 +30,9 @@ class Points:
     only_points: bool = True  # whether nothing follows them
 
 
-def read_points(draft: Draft, points: Points) -> None:
-    """Copy the points of a cloud into the draft."""
+def read_points(points: Points) -> Draft:
+    """Return the points of a cloud."""
+    draft = Draft()
     if points.types is None:
         rows = _rows_of(lines_of(points.data), points.line, points.count, points.only_points)
         draft.lines = [number for number, _ in rows]
@@ -48,6 +41,7 @@ def read_points(draft: Draft, points: Points) -> None:
         draft.lines, draft.at = list(range(points.count)), _point
         columns = _parse_bytes(points.names, points.types, points.data, points.count)
     _fill_draft(draft, columns, _parse_comments(draft, points.comments))
+    return draft
 
 
 def _parse_comments(draft: Draft, comments: Iterable[str]) -> dict[int, str]:
@@ -71,12 +65,12 @@ def _parse_text(names: Sequence[str], rows: Sequence[tuple[int, str]]) -> dict[s
         words = content.split(None, len(names))
         if len(words) != len(names):
             have = f"more than {len(names)}" if len(words) > len(names) else str(len(words))
-            raise CloudError("row", line(number), f"has {have} numbers, but the header names {len(names)}")
+            raise FoundError("row", line(number), f"has {have} numbers, but the header names {len(names)}")
         try:
             for name, position in positions.items():
                 columns[name].append(real(words[position]))
         except NumberError as problem:
-            raise CloudError(problem.code, line(number), str(problem)) from problem
+            raise FoundError(problem.code, line(number), str(problem)) from problem
     return columns
 
 
@@ -84,7 +78,7 @@ def _parse_bytes(names: Sequence[str], types: Sequence[str], data: bytes, count:
     """Parse points that are written as binary data."""
     kind = np.dtype([(f"{i}", type_) for i, type_ in enumerate(types)])
     if len(data) < kind.itemsize * count:
-        raise CloudError(
+        raise FoundError(
             "size", "", f"is truncated: the header announces {count} points, {len(data) // kind.itemsize} were found"
         )
     table = np.frombuffer(data, kind, count)
@@ -92,7 +86,7 @@ def _parse_bytes(names: Sequence[str], types: Sequence[str], data: bytes, count:
     for column in columns.values():
         invalid = np.flatnonzero(~np.isfinite(column))
         if len(invalid):
-            raise CloudError(
+            raise FoundError(
                 "not-finite", _point(int(invalid[0])), "has a coordinate that is not finite; remove the point"
             )
     return {name: column.tolist() for name, column in columns.items()}
@@ -108,16 +102,16 @@ def _used_names(names: Sequence[str]) -> list[str]:
     found = [next((name for name in alike if name in names), None) for alike in (*POSITION, *NORMAL)]
     for name, alike in zip(found[:3], POSITION):
         if name is None:
-            raise CloudError(
+            raise FoundError(
                 "missing-column", "", f"has no column {show(alike[0])}; its columns are {show(' '.join(names))}"
             )
     if any(found[3:]) and None in found[3:]:
         missing = NORMAL[found[3:].index(None)][0]
-        raise CloudError("missing-column", "", f"has a normal without the column {show(missing)}; export it, too")
+        raise FoundError("missing-column", "", f"has a normal without the column {show(missing)}; export it, too")
     used = [name for name in (*found, CHANNEL if CHANNEL in names else None) if name is not None]
     for name in used:
         if names.count(name) > 1:
-            raise CloudError("duplicate-column", "", f"names the column {show(name)} twice")
+            raise FoundError("duplicate-column", "", f"names the column {show(name)} twice")
     return used
 
 
@@ -130,13 +124,13 @@ def _fill_draft(draft: Draft, columns: dict[str, list[float]], labels: dict[int,
     numbers = columns.get(CHANNEL, range(count))
     for row, number in enumerate(numbers):
         if number != int(number) or not 0 <= number <= MAX_CHANNEL:
-            raise CloudError(
+            raise FoundError(
                 "channel", draft.at(draft.lines[row]), f"has the channel {number!r}; use 0 to {MAX_CHANNEL}"
             )
     draft.channels = [int(number) for number in numbers]
     draft.labels = [labels.get(channel, str(channel)) for channel in draft.channels]
     if not draft.labels:
-        draft.findings.append(error("no-taxels", "", "contains no point; check that it is the correct file"))
+        raise FoundError("no-taxels", "", "contains no point; check that it is the correct file")
 
 
 def cloud_of(calibration: LinkCalibration) -> tuple[list[str], list[str], tuple[str, ...]]:
@@ -160,10 +154,10 @@ def _rows_of(text: str, first: int, count: int, only_points: bool) -> list[tuple
     """Return the first lines that are not empty, with their line numbers."""
     rows = [(number, content) for number, content in enumerate(text.split("\n"), first) if content.strip()]
     if len(rows) < count:
-        raise CloudError("size", "", f"is truncated: the header announces {count} points, {len(rows)} were found")
+        raise FoundError("size", "", f"is truncated: the header announces {count} points, {len(rows)} were found")
     if only_points and len(rows) > count:
         message = f"is after the last point: the header announces {count} points, {len(rows)} were found"
-        raise CloudError("size", line(rows[count][0]), message)
+        raise FoundError("size", line(rows[count][0]), message)
     return rows[:count]
 
 
@@ -172,11 +166,11 @@ def lines_of(data: bytes) -> str:
     try:
         return decoded(data).replace("\r\n", "\n").replace("\r", "\n")
     except DecodingError as problem:
-        raise CloudError("encoding", "", f"contains text that {problem}") from problem
+        raise FoundError("encoding", "", f"contains text that {problem}") from problem
 
 
 def count_of(word: str, number: int) -> int:
     """Return the number of points that a header announces."""
     if not word.isdecimal() or len(word) > 9 or int(word) > MAX_TAXELS:
-        raise CloudError("size", line(number), f"announces {shown(word)} points; the limit is {MAX_TAXELS}")
+        raise FoundError("size", line(number), f"announces {shown(word)} points; the limit is {MAX_TAXELS}")
     return int(word)

@@ -62,7 +62,6 @@ def _read_rows(draft: Draft, rows: Lines) -> Iterator[Finding]:
     if len(rows) > MAX_TAXELS:
         yield error("size", line(rows[MAX_TAXELS][0]), f"exceeds the limit of {MAX_TAXELS} rows")
         return
-    assert draft.normals is not None
     for index, (number, content) in enumerate(rows):
         words = content.split(None, 6)
         if len(words) != 6:
@@ -74,12 +73,8 @@ def _read_rows(draft: Draft, rows: Lines) -> Iterator[Finding]:
         except NumberError as problem:
             yield error(problem.code, line(number), str(problem), content)
             continue
-        draft.lines.append(number)
-        draft.labels.append(str(index))
-        draft.channels.append(index)
+        draft.add(number, str(index), index, numbers[:3], numbers[3:])
         draft.boards.append(index // BOARD_ROWS)
-        draft.positions.append(numbers[:3])
-        draft.normals.append(numbers[3:])
 
 
 def _compare_table(draft: Draft, number: int, content: str) -> Iterator[Finding]:

@@ -3,14 +3,16 @@
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...common.arrays import Array, BoolArray, IntArray, freeze
 from ...common.errors import CalibrationFormatError
 from ...common.findings import did_you_mean, show
 from ...common.text import MAX_TAXELS
-from ..model import LinkCalibration, TaxelArray
+from ..model import LinkCalibration
 from .taxel_set import MAX_LABEL_LENGTH
 
 
@@ -62,37 +64,30 @@ def taxels_of(calibration: LinkCalibration) -> LinkTaxels:
         )
     channels = np.concatenate([part.channels for part in parts])
     order = np.argsort(channels, kind="stable")
-    normals, tangents = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("normals_link", "tangents_link")
-    )
-    axes = np.stack((tangents, np.cross(normals, tangents), normals), axis=2)
-    sizes = np.concatenate([_extents(part) for part in parts])
-    square = np.concatenate([np.full(len(part.ids), part.corners_link.shape[1] == 4) for part in parts])
-    names = [patch.name for patch in calibration.patches for _ in patch.taxels.ids]
-    ids = [taxel for part in parts for taxel in part.ids]
-    neighbours = [row for part in parts for row in part.neighbours]
-    ports = [row for part in parts for row in part.ports or ((),) * len(part.ids)]
+
+    def joined(rows: Iterable[NDArray[Any]]) -> NDArray[Any]:
+        return np.concatenate(list(rows))[order]
+
+    def listed(rows: Iterable[Sequence[Any]]) -> tuple[Any, ...]:
+        every = [row for part in rows for row in part]
+        return tuple(every[i] for i in order)
+
+    normals, tangents = (joined(getattr(part, name) for part in parts) for name in ("normals_link", "tangents_link"))
     return LinkTaxels(
         link=calibration.link,
-        ids=tuple(ids[i] for i in order),
+        ids=listed(part.ids for part in parts),
         channels=channels[order],
-        patches=tuple(names[i] for i in order),
+        patches=listed([patch.name] * len(patch.taxels.ids) for patch in calibration.patches),
         pixels=_pixels([part.index for part in parts])[order],
-        positions=np.concatenate([part.positions_link for part in parts])[order],
-        axes=axes[order],
-        areas=np.concatenate([part.areas for part in parts])[order],
-        sizes=sizes[order],
-        square=square[order],
-        sigma=np.concatenate([part.known_sigma for part in parts])[order],
-        neighbours=tuple(neighbours[i] for i in order),
-        ports=tuple(ports[i] for i in order),
+        positions=joined(part.positions_link for part in parts),
+        axes=np.stack((tangents, np.cross(normals, tangents), normals), axis=2),
+        areas=joined(part.areas for part in parts),
+        sizes=joined(np.ptp(part.flat_corners, axis=1) for part in parts),
+        square=joined(np.full(len(part.ids), part.corners_link.shape[1] == 4) for part in parts),
+        sigma=joined(part.known_sigma for part in parts),
+        neighbours=listed(part.neighbours for part in parts),
+        ports=listed(part.ports or ((),) * len(part.ids) for part in parts),
     )
-
-
-def _extents(taxels: TaxelArray) -> Array:
-    """Return the extents of the corners of each cell along and across its tangent, shape (n, 2) [m]."""
-    arms = taxels.corners_link - taxels.positions_link[:, None]
-    return np.ptp(np.einsum("nkc,nsc->nks", arms, taxels.axes_link), axis=1)
 
 
 def _pixels(indices: Sequence[IntArray]) -> IntArray:

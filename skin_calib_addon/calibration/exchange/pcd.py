@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from ...common.findings import show, warning
+from ...common.findings import FoundError, show, warning
 from ..model import LinkCalibration
-from .cloud import CloudError, Points, cloud_of, count_of, lines_of, read_points
+from .cloud import Points, cloud_of, count_of, lines_of, read_points
 from .taxel_set import Draft, line
 
 FIRST_LINES = (b"# .PCD", b"VERSION", b"FIELDS")  # possible first lines of a file
@@ -25,27 +25,23 @@ class Header:
     def entry(self, name: str) -> list[str]:
         """Return the words of an entry, which must exist."""
         if not self.words.get(name):
-            raise CloudError("syntax", "", f"has a header without {name}; export the file again")
+            raise FoundError("syntax", "", f"has a header without {name}; export the file again")
         return self.words[name]
 
 
 def read_pcd(data: bytes) -> Draft:
     """Read the points; a viewpoint (the pose of the camera) is not applied."""
-    draft = Draft()
-    try:
-        header, stop = _header(data)
-        names, types = _columns(header)
-        count, form = count_of(header.entry("POINTS")[0], header.numbers["POINTS"]), header.entry("DATA")[0]
-        if form not in ("ascii", "binary"):
-            message = f"contains {show(form)} data; save it as ascii or binary (pcl_convert_pcd_ascii_binary)"
-            raise CloudError("syntax", line(header.numbers["DATA"]), message)
-        kinds = types if form == "binary" else None
-        read_points(draft, Points(count, names, kinds, data[stop:], header.lines + 1, header.comments))
-        if _numbers(header.words.get("VIEWPOINT", [])) not in ([], IDENTITY_VIEWPOINT):
-            message = "has a viewpoint, which is not applied: positions are used unchanged"
-            draft.findings.append(warning("unused-transform", line(header.numbers["VIEWPOINT"]), message))
-    except CloudError as problem:
-        draft.findings.append(problem.finding)
+    header, stop = _header(data)
+    names, types = _columns(header)
+    count, form = count_of(header.entry("POINTS")[0], header.numbers["POINTS"]), header.entry("DATA")[0]
+    if form not in ("ascii", "binary"):
+        message = f"contains {show(form)} data; save it as ascii or binary (pcl_convert_pcd_ascii_binary)"
+        raise FoundError("syntax", line(header.numbers["DATA"]), message)
+    kinds = types if form == "binary" else None
+    draft = read_points(Points(count, names, kinds, data[stop:], header.lines + 1, header.comments))
+    if _numbers(header.words.get("VIEWPOINT", [])) not in ([], IDENTITY_VIEWPOINT):
+        message = "has a viewpoint, which is not applied: positions are used unchanged"
+        draft.findings.append(warning("unused-transform", line(header.numbers["VIEWPOINT"]), message))
     return draft
 
 
@@ -63,7 +59,7 @@ def _header(data: bytes) -> tuple[Header, int]:
         header.words[name], header.numbers[name] = words, header.lines
         if name == "DATA":
             return header, start
-    raise CloudError("syntax", "", "has no line DATA; it is truncated, or not a PCD file")
+    raise FoundError("syntax", "", "has no line DATA; it is truncated, or not a PCD file")
 
 
 def _columns(header: Header) -> tuple[list[str], list[str]]:
@@ -73,13 +69,13 @@ def _columns(header: Header) -> tuple[list[str], list[str]]:
     names, types = [], []
     entries = (fields, header.entry("SIZE"), header.entry("TYPE"), counts)
     if len({len(entry) for entry in entries}) > 1:
-        raise CloudError(
+        raise FoundError(
             "syntax", line(header.numbers["FIELDS"]), "has another number of fields than SIZE, TYPE or COUNT"
         )
     for name, size, kind, count in zip(*entries):
         if size not in SIZES.get(kind, ()) or not count.isdecimal() or not 1 <= int(count[:9]) <= 1000:
             message = f"has the field {show(name)} of type {show(kind)}, size {show(size)}, count {show(count)}"
-            raise CloudError("syntax", line(header.numbers["FIELDS"]), f"{message}, which is invalid in PCD")
+            raise FoundError("syntax", line(header.numbers["FIELDS"]), f"{message}, which is invalid in PCD")
         names += [name, *(f"{name} {i}" for i in range(1, int(count)))]
         types += int(count) * [f"<{TYPES[kind]}{size}"]
     return names, types

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass, field
 
-from ...common.findings import show, warning
+from ...common.findings import FoundError, show, warning
 from ...common.text import shown
 from ..model import LinkCalibration
-from .cloud import CloudError, Points, cloud_of, count_of, lines_of, read_points
+from .cloud import Points, cloud_of, count_of, lines_of, read_points
 from .taxel_set import Draft, line
 
 MAGIC = b"ply"
@@ -38,23 +38,19 @@ class Header:
 
 def read_ply(data: bytes) -> Draft:
     """Read the vertices, which must be the first element; faces and other elements are ignored."""
-    draft = Draft()
-    try:
-        stop = data.find(b"\n", max(data.find(b"\n" + END), 0) + 1) + 1 or len(data)
-        if not data.startswith(MAGIC):
-            raise CloudError("syntax", "", "does not begin with ply; check that it is the correct file")
-        head = lines_of(data[:stop]).split("\n")
-        header = _header(head)
-        if header.order is None or header.count is None or not header.names:
-            raise CloudError("syntax", "", "has a header without format or vertices; export the file again")
-        types = [header.order + kind for kind in header.types] if header.order else None
-        points = Points(header.count, header.names, types, data[stop:], len(head), header.comments, header.only_points)
-        read_points(draft, points)
-        if header.faces is not None:
-            message = f"announces {shown(header.faces[1])} faces: if this is a mesh, its vertices are read as taxels"
-            draft.findings.append(warning("faces", line(header.faces[0]), message))
-    except CloudError as problem:
-        draft.findings.append(problem.finding)
+    stop = data.find(b"\n", max(data.find(b"\n" + END), 0) + 1) + 1 or len(data)
+    if not data.startswith(MAGIC):
+        raise FoundError("syntax", "", "does not begin with ply; check that it is the correct file")
+    head = lines_of(data[:stop]).split("\n")
+    header = _header(head)
+    if header.order is None or header.count is None or not header.names:
+        raise FoundError("syntax", "", "has a header without format or vertices; export the file again")
+    types = [header.order + kind for kind in header.types] if header.order else None
+    points = Points(header.count, header.names, types, data[stop:], len(head), header.comments, header.only_points)
+    draft = read_points(points)
+    if header.faces is not None:
+        message = f"announces {shown(header.faces[1])} faces: if this is a mesh, its vertices are read as taxels"
+        draft.findings.append(warning("faces", line(header.faces[0]), message))
     return draft
 
 
@@ -71,26 +67,26 @@ def _header(lines: list[str]) -> Header:
                 header.only_points &= element == "vertex"
                 if element == "vertex":
                     if header.count is not None:
-                        raise CloudError("syntax", line(number), "names a second element vertex; keep one")
+                        raise FoundError("syntax", line(number), "names a second element vertex; keep one")
                     header.count = count_of(amount, number)
                 elif element == "face" and header.count is not None:
                     header.faces = (number, amount) if amount != "0" else None
                 elif header.count is None:
-                    raise CloudError(
+                    raise FoundError(
                         "syntax",
                         line(number),
                         f"names {show(element)} before the vertices; move the vertices to the front",
                     )
             case ["property", "list", *_] if element == "vertex":
-                raise CloudError("syntax", line(number), "defines a list for vertices; export them with plain numbers")
+                raise FoundError("syntax", line(number), "defines a list for vertices; export them with plain numbers")
             case ["property", kind, name] if element == "vertex":
                 if kind not in KINDS:
-                    raise CloudError("syntax", line(number), f"has the type {show(kind)}, which is invalid in PLY")
+                    raise FoundError("syntax", line(number), f"has the type {show(kind)}, which is invalid in PLY")
                 header.names.append(name.lower())
                 header.types.append(KINDS[kind])
             case ["end_header"]:
                 return header
-    raise CloudError("syntax", "", "has a header without end; the file is truncated")
+    raise FoundError("syntax", "", "has a header without end; the file is truncated")
 
 
 def write_ply(calibration: LinkCalibration) -> bytes:

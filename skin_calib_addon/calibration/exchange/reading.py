@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable
 
 from ...common.errors import CalibrationFormatError
-from ...common.findings import did_you_mean, in_short
+from ...common.findings import FoundError, did_you_mean, in_short
 from ...common.plain_text import BLOCK_LENGTH
 from ...common.strict_json import read
 from ...common.text import check_size, text_of
@@ -41,27 +41,33 @@ def read_taxels(path: str | os.PathLike[str], format: str | None = None, only: s
         )
     data = read(path)
     check_size(data, path)
-    format = format or cloud_format_of(data)
-    if format in CLOUDS:
-        draft = CLOUDS[format](data)
-    else:
-        text = text_of(data, path)
-        format = format or format_of(text)
-        if format is None and text.lstrip().startswith("{"):
-            raise CalibrationFormatError(
-                f"'{path}' is a JSON file, not a taxel file. For a calibration, use a file that export wrote."
-            )
-        if format is None:
-            raise CalibrationFormatError(
-                f"the taxel format of '{path}' is unknown. Supported: positions files with a line {BLOCK}, XML of a "
-                "patch or a robot, tables whose header names x, y and z, and PLY or PCD point clouds. "
-                "Export the file again, or state its format."
-            )
-        draft = READERS[format](text)
-    taxels, findings = finished(draft, only)
+    try:
+        taxels, findings = finished(_draft(data, path, format), only)
+    except FoundError as problem:
+        taxels, findings = None, (problem.finding,)
     if taxels is None:
         raise CalibrationFormatError(f"'{path}' has {in_short(findings)}", findings)
     return taxels
+
+
+def _draft(data: bytes, path: str | os.PathLike[str], format: str | None) -> Draft:
+    """Return what the reader of a format finds; the format is found from the content if it is not given."""
+    format = format or cloud_format_of(data)
+    if format in CLOUDS:
+        return CLOUDS[format](data)
+    text = text_of(data, path)
+    format = format or format_of(text)
+    if format is None and text.lstrip().startswith("{"):
+        raise CalibrationFormatError(
+            f"'{path}' is a JSON file, not a taxel file. For a calibration, use a file that export wrote."
+        )
+    if format is None:
+        raise CalibrationFormatError(
+            f"the taxel format of '{path}' is unknown. Supported: positions files with a line {BLOCK}, XML of a "
+            "patch or a robot, tables whose header names x, y and z, and PLY or PCD point clouds. "
+            "Export the file again, or state its format."
+        )
+    return READERS[format](text)
 
 
 def cloud_format_of(data: bytes) -> str | None:

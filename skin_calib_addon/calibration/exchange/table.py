@@ -109,22 +109,18 @@ def _read_rows(draft: Draft, columns: Columns, rows: Iterator[tuple[int, list[st
             yield error("row", line(number), f"has {len(row)} columns, but the header has {width}")
             continue
         try:
-            vectors = [
-                None if cells is None else tuple(real(row[i].strip()) for i in cells)
+            position, normal, tangent = (
+                [real(row[i].strip()) for i in cells or ()]
                 for cells in (columns.position, columns.normal, columns.tangent)
-            ]
+            )
             channel = index if columns.channel is None else whole(row[columns.channel].strip())
             others = [] if columns.neighbours is None else [whole(word) for word in row[columns.neighbours].split()]
         except NumberError as problem:
             yield error(problem.code, line(number), str(problem))
             continue
         neighbours.append(others)
-        draft.lines.append(number)
-        draft.channels.append(channel)
-        draft.labels.append(str(channel) if columns.label is None else row[columns.label].strip())
-        for column, vector in zip((draft.positions, draft.normals, draft.tangents), vectors):
-            if column is not None and vector is not None:
-                column.append(vector)
+        label = str(channel) if columns.label is None else row[columns.label].strip()
+        draft.add(number, label, channel, position, normal, tangent)
         if columns.frame is not None:
             frames.setdefault(row[columns.frame].strip(), number)
     draft.frame = next(iter(frames)) or None if len(frames) == 1 else None

@@ -96,6 +96,25 @@ class Draft:
         """Return whether the file has an error."""
         return any(finding.severity == "error" for finding in self.findings)
 
+    def add(
+        self,
+        line: int,
+        label: str,
+        channel: int | None,
+        position: Sequence[float],
+        normal: Sequence[float] | None = None,
+        tangent: Sequence[float] | None = None,
+    ) -> None:
+        """Add a taxel; directions are added if the format has them."""
+        self.lines.append(line)
+        self.labels.append(label)
+        self.positions.append(tuple(position))
+        if channel is not None:
+            self.channels.append(channel)
+        for column, vector in ((self.normals, normal), (self.tangents, tangent)):
+            if column is not None and vector is not None:
+                column.append(tuple(vector))
+
     def keep(self, rows: Sequence[int]) -> None:
         """Keep only the taxels of these rows."""
         vectors = ("positions", "normals", "tangents")

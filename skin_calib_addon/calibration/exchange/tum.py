@@ -7,7 +7,7 @@ import numpy as np
 
 from ...common.arrays import Array
 from ...common.errors import CalibrationFormatError
-from ...common.findings import Finding, error, show, warning
+from ...common.findings import Finding, FoundError, show, warning
 from ...common.text import MAX_TAXELS
 from ..model import LinkCalibration
 from .link_taxels import LinkTaxels, taxels_of
@@ -49,16 +49,12 @@ def read_tum(text: str) -> Draft:
     The channel of a cell is its index in the file.
     """
     draft, patches = Draft(normals=[], tangents=[], neighbours=[]), Patches()
-    try:
-        for node in children_of_root(text, ROOT):
-            draft.findings += _read_node(patches, node)
-    except XmlError as problem:
-        draft.findings.append(problem.finding)
-    if not patches.cells and not draft.broken:
-        draft.findings.append(error("no-taxels", "", "has no cell; check that it is the correct file"))
-    if not draft.broken:
-        _fill_draft(draft, patches)
-        draft.findings += _missing_references(patches)
+    for node in children_of_root(text, ROOT):
+        draft.findings += _read_node(patches, node)
+    if not patches.cells:
+        raise FoundError("no-taxels", "", "has no cell; check that it is the correct file")
+    _fill_draft(draft, patches)
+    draft.findings += _missing_references(patches)
     return draft
 
 
@@ -84,7 +80,7 @@ def _read_node(patches: Patches, node: Node) -> Iterator[Finding]:
 
 def _fill_draft(draft: Draft, patches: Patches) -> None:
     """Copy the cells into the draft, in the base frame of their patch."""
-    assert draft.normals is not None and draft.tangents is not None and draft.neighbours is not None
+    assert draft.neighbours is not None
     names = set(patches.frames.values())
     draft.frame = names.pop() or None if len(names) == 1 else None
     known = {cell.id for cell in patches.cells}
@@ -93,12 +89,8 @@ def _fill_draft(draft: Draft, patches: Patches) -> None:
         if cell.patch in patches.bases:
             shift, turn = patches.bases[cell.patch]
             position, rotation = turn @ position + shift, turn @ rotation
-        draft.lines.append(cell.line)
-        draft.labels.append(str(cell.id))
-        draft.channels.append(channel)
-        draft.positions.append(tuple(position.tolist()))
-        draft.normals.append(tuple(rotation[:, 2].tolist()))
-        draft.tangents.append(tuple(rotation[:, 0].tolist()))
+        x, _, z = rotation.T.tolist()
+        draft.add(cell.line, str(cell.id), channel, position.tolist(), z, x)
         draft.neighbours.append(tuple(str(i) for i in dict.fromkeys(cell.ports) if i in known and i != cell.id))
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...common.arrays import Array
-from ...common.findings import error, show
+from ...common.findings import FoundError, show
 from ...common.text import MAX_TAXELS, NumberError, real
 from ..model import LinkCalibration
 from .link_taxels import LinkTaxels, refuse_labels, refuse_repeats, taxels_of
@@ -52,16 +52,17 @@ def read_urdf(text: str) -> Draft:
     gives the channels. Poses refer to the nearest parent link that has a body or a movable joint.
     """
     draft, robot = Draft(normals=[], tangents=[]), Robot()
-    try:
-        for node in children_of_root(text, ROOT, MAX_NODES_PER_SENSOR):
-            _read_node(robot, node)
-        for taxel in (_of_sensors if robot.sensors else _of_frames)(robot):
-            _add_taxel(draft, *taxel)
-    except XmlError as problem:
-        draft.findings.append(problem.finding)
-    if not draft.labels and not draft.broken:
+    for node in children_of_root(text, ROOT, MAX_NODES_PER_SENSOR):
+        _read_node(robot, node)
+    for number, label, channel, link, (position, rotation) in (_of_sensors if robot.sensors else _of_frames)(robot):
+        if len(draft.labels) == MAX_TAXELS:
+            raise XmlError("size", number, f"exceeds the limit of {MAX_TAXELS} taxels")
+        x, _, z = rotation.T.tolist()
+        draft.add(number, label, channel, position.tolist(), z, x)
+        draft.links.append(link)
+    if not draft.labels:
         message = "has no tactile sensor and no frame fixed to a link; check that it is the correct file"
-        draft.findings.append(error("no-taxels", "", message))
+        raise FoundError("no-taxels", "", message)
     return draft
 
 
@@ -130,20 +131,6 @@ def _base_link(robot: Robot, name: str) -> tuple[str, Pose]:
             raise XmlError("missing", above.line, message)
         joint, pose = above, _compose(above.pose, pose)
     return joint.parent, pose
-
-
-def _add_taxel(draft: Draft, number: int, label: str, channel: int | None, link: str, pose: Pose) -> None:
-    assert draft.normals is not None and draft.tangents is not None
-    if len(draft.labels) == MAX_TAXELS:
-        raise XmlError("size", number, f"exceeds the limit of {MAX_TAXELS} taxels")
-    draft.lines.append(number)
-    draft.labels.append(label)
-    if channel is not None:
-        draft.channels.append(channel)
-    draft.links.append(link)
-    draft.positions.append(tuple(pose[0].tolist()))
-    draft.normals.append(tuple(pose[1][:, 2].tolist()))
-    draft.tangents.append(tuple(pose[1][:, 0].tolist()))
 
 
 def _compose(a: Pose, b: Pose) -> Pose:

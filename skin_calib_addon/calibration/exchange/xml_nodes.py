@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
-from ...common.findings import error, show
+from ...common.findings import FoundError, show
 from ...common.plain_text import BLOCK_LENGTH
 from ...common.text import NumberError, real, shown, whole
 from .taxel_set import line
@@ -15,12 +15,11 @@ MAX_CHILD_NODES = 1000  # in one child of the root, by default; a cell has about
 MAX_TEXT_LENGTH = 64  # characters of text that a node keeps; the number that it contains has fewer
 
 
-class XmlError(Exception):
-    """The document is invalid; ``finding`` states reason and line."""
+class XmlError(FoundError):
+    """The document is invalid in a line."""
 
     def __init__(self, code: str, number: int, message: str):
-        super().__init__(message)
-        self.finding = error(code, line(number), message)
+        super().__init__(code, line(number), message)
 
 
 @dataclass

@@ -16,7 +16,6 @@ from skin_calib_addon.calibration import (
     validate,
 )
 from skin_calib_addon.common.encoding import checksum
-from skin_calib_addon.pipeline.report import table
 from tests.samples import small_calibration
 
 NEARNESS = ResponseTable((0.0, 1000.0, 4000.0), (0.2, 0.05, 0.0))
@@ -62,13 +61,6 @@ def test_errors_name_their_place(changes, pointer, message):
     (finding,) = validate(document(**changes))
     assert finding.severity == "error" and finding.pointer == pointer
     assert re.search(message, finding.message), finding.message
-
-
-def test_table_of_a_calibration_lists_its_modalities():
-    """``show`` prints name, response with its unit, and the number of taxels."""
-    lines = table(small_calibration(modalities=MODALITIES)).splitlines()
-    assert "modality  proximity: table of 3 rows, readings 0 to 4000, 0 to 0.2 m; all 8 taxels" in lines
-    assert "modality  temperature: -40 + 0.05 I degC for a reading I, readings 0 to 4095; 2 of 8 taxels" in lines
 
 
 @pytest.mark.parametrize("response", [NEARNESS, TEMPERATURE.response, Response((0.5,)), Response((0.0, -2.0))])

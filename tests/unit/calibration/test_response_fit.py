@@ -67,17 +67,6 @@ def test_steep_sensor_is_a_table():
     assert np.mean(np.array(fit.response.readings) > 128) > 0.5
 
 
-def test_falling_sensor_is_fitted():
-    """A 12-bit signal that falls with force: rest is the upper end of the range, full the lower."""
-    forces = presses(10.0)
-    readings = np.rint(3000 - 220 * forces + 4 * forces**2 + np.random.default_rng(2).normal(0, 3, 300))
-    fit = fit_response(readings, forces)
-    off = errors(fit, lambda x: (220 - np.sqrt(220**2 - 16 * (3000 - x))) / 8, readings.min(), readings.max())
-    assert np.abs(off).max() < 0.02  # 3 readings are 0.014 N at rest, 0.022 N at 10 N
-    assert (fit.response.rest, fit.response.full) == (readings.max(), readings.min())
-    assert fit.warnings == ()
-
-
 @pytest.mark.parametrize("falls", [False, True])
 def test_saturated_measurements_are_left_out(falls):
     """Measurements in saturation affect only the end of the curve, not its shape."""

@@ -13,6 +13,7 @@ from skin_calib_addon.cli import main
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
 from skin_calib_addon.pictures import robot as robot_picture
 from skin_calib_addon.proposal import links as proposal_links
+from skin_calib_addon.robot.urdf import read_robot
 from tests.examples import slow
 from tests.shapes import cylinder
 from tests.unit.commands.test_cli import write_plan
@@ -63,21 +64,11 @@ def run(robot, command):
 
 
 BAD = {
-    "duplicate link": ({"more": '<link name="arm"/>'}, 'line 4 repeats the link "arm"'),
-    "duplicate joint": ({"more": JOINT.format("a", "arm", "foot", "fixed", "")}, 'line 4 repeats the joint "a"'),
-    "two parents": ({"more": JOINT.format("z", "arm", "foot", "fixed", "")}, "line 4 is a second joint above the link"),
-    "unknown link": ({"more": JOINT.format("z", "arm", "leg", "fixed", "")}, 'line 4 names the link "leg"'),
-    "cycle": (
-        {"more": JOINT.format("z", "hand", "base", "fixed", "")},
-        "is in a cycle of joints that carry each other",
-    ),
-    "axis": ({"joint": '<axis xyz="0 0 0"/>'}, "line 3 has an axis of length 0"),
     "limit": ({"joint": '<limit lower="low" upper="1"/>'}, "line 3 has 'low' instead of a number (limit lower)"),
     "reversed limit": (
         {"joint": '<limit lower="1" upper="-1"/>'},
         "line 3 has the lower limit 1 above the upper one, -1; swap them",
     ),
-    "origin": ({"joint": '<origin xyz="1 2"/>'}, "line 3 has 2 numbers instead of 3 (origin xyz)"),
     "nan": ({"joint": '<origin xyz="nan 0 0"/>'}, "line 3 has 'nan' instead of a finite number (origin xyz)"),
     "far": ({"joint": '<origin xyz="0 -1e200 0"/>'}, "line 3 has -1e+200, which is too large (origin xyz)"),
 }
@@ -156,25 +147,18 @@ def meshes(file, more=""):
 FACET = "solid\nfacet normal 0 0 1\nouter loop\n"
 BROKEN_LINKS = {
     "missing": (meshes("nofile.ply"), "the mesh file nofile.ply of bot.urdf was not found"),
-    "zero scale": (meshes("1.ply", 'scale="0 1 1"'), "1.ply has a scale of 0"),
-    "wrong unit": (meshes("1.ply", 'scale="1e4 1e4 1e4"'), "middle has a diameter of "),
-    "not a mesh": (meshes("bot.urdf"), "bot.urdf has an unknown format"),
     "damaged": (meshes("damaged.dae"), "damaged.dae is not a valid DAE file"),
-    "nan": (meshes("nan.stl"), "nan.stl: Vertex 1 of the mesh is not finite"),
     "origin nowhere": (meshes("1.ply").replace("<geom", '<origin xyz="0 0 1e9"/><geom'), "1.ply has 1e+09 in its xyz"),
     "empty": (meshes("empty.off"), "empty.off is empty. Check that it was written completely."),
     "outside": (meshes("../../../../../../../../etc/passwd"), "passwd"),
 }
 
 
-@pytest.mark.parametrize("case", [case if case in ("missing", "damaged") else slow(case) for case in BROKEN_LINKS])
+@pytest.mark.parametrize("case", [case if case == "missing" else slow(case) for case in BROKEN_LINKS])
 def test_plans_of_the_other_links_are_proposed(tmp_path, capsys, case):
     """One line about the broken link, a plan for each other, and code 1."""
     visual, words = BROKEN_LINKS[case]
     (tmp_path / "damaged.dae").write_text("<COLLADA>")
-    (tmp_path / "nan.stl").write_text(
-        f"{FACET}vertex 0 0 0\nvertex nan 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n"
-    )
     (tmp_path / "empty.off").touch()
     urdf = plates(tmp_path, ("base", "middle", "end"), link1=visual)
     assert propose(urdf) == 1
@@ -220,12 +204,7 @@ SCALED = meshes("0.ply", 'scale="${s}"')
 XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 
 
-@pytest.mark.parametrize(
-    "case",
-    [
-        *(*BAD, "empty", "xacro in a link", "xacro of a scale", "collisions only"),
-    ],
-)
+@pytest.mark.parametrize("case", [*BAD, "empty", "xacro in a link", "xacro of a scale", "collisions only"])
 def test_robot_without_links_to_propose_is_one_line(tmp_path, capsys, case):
     """No folder is made."""
     texts = {
@@ -259,7 +238,7 @@ def test_comments_of_a_converted_xacro_file_are_read(tmp_path):
     """The program xacro keeps comments, also those about its elements."""
     urdf = plates(tmp_path, ("base", "end"))
     urdf.write_text(urdf.read_text().replace("<link", "<!-- <xacro:include filename='a'/> --><link", 1))
-    assert propose(urdf) == 0
+    assert list(read_robot(urdf).links) == ["base", "end"]
 
 
 @pytest.mark.parametrize("name", [".", "robot.urdf"])

@@ -1,6 +1,7 @@
 """``export`` and ``import`` on the command line: files, output and exit codes."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -10,10 +11,11 @@ from skin_calib_addon.calibration import load_calibration, save_calibration
 from skin_calib_addon.calibration.exchange import FORMATS, READABLE, WRITABLE, read_taxels
 from skin_calib_addon.cli import main
 from skin_calib_addon.common.warnings import Warning
+from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
 from tests.exchange_samples import csv_text, matrix, robot_text
 from tests.samples import boards, seven_boards, sheet, small_calibration
-from tests.shapes import LENGTH, RADIUS
-from tests.unit.commands.test_cli import assert_refused, folder, write_plan  # noqa: F401
+from tests.shapes import LENGTH, RADIUS, cylinder
+from tests.unit.commands.test_cli import assert_refused, write_plan
 
 FLAT = small_calibration(patches=(seven_boards(), boards(7)))
 
@@ -147,7 +149,7 @@ def test_import_selects_and_transforms(tmp_path, capsys):
     assert_refused(capsys, 1, "is not a rotation", *words, json.dumps(frame | {"rotation": [[1, 0, 0]] * 3}))
 
 
-def test_import_on_a_plan_is_a_calibration(folder, capsys):  # noqa: F811
+def test_import_on_a_plan_is_a_calibration(folder, capsys):
     """The file is the only skin of the link: outward normals, neighbours, name of the file or of --name."""
     positions, outward = on_tube()
     (folder / "cuff.csv").write_text(csv_text(positions, normals=-outward))
@@ -165,7 +167,7 @@ def test_import_on_a_plan_is_a_calibration(folder, capsys):  # noqa: F811
 
 
 @pytest.mark.slow
-def test_wrong_frame_is_an_error_whose_suggestion_works(folder, capsys):  # noqa: F811
+def test_wrong_frame_is_an_error_whose_suggestion_works(folder, capsys):
     """The skin has a unique pose on the link: the frame in the message is accepted unchanged."""
     positions, _ = on_tube(60)
     positions = positions[positions[:, 0] > -0.01]
@@ -184,7 +186,7 @@ def test_wrong_frame_is_an_error_whose_suggestion_works(folder, capsys):  # noqa
     assert np.abs(off).max() < 2e-3
 
 
-def test_import_on_a_plan_is_refused_in_a_line(folder, capsys):  # noqa: F811
+def test_import_on_a_plan_is_refused_in_a_line(folder, capsys):
     """An invalid plan, and an invalid name of a patch."""
     (folder / "cuff.csv").write_text(csv_text(on_tube()[0]))
     words = ["import", folder / "cuff.csv", "-o", folder / "c.json", "--plan"]
@@ -213,24 +215,33 @@ NAMED = {  # call that would replace a file that its calibration, plan or robot 
 }
 
 
-@pytest.mark.parametrize("case", NAMED)
-def test_nothing_replaces_what_the_files_of_the_call_name(folder, monkeypatch, capsys, case):  # noqa: F811
-    """The mesh of a calibration is lost otherwise: its taxels can have the same name as a point cloud."""
-    words, document = NAMED[case]
-    write_plan(folder, "tube", skins=[{"name": "cuff", "kind": "imported", "file": "t.csv"}])
+@pytest.fixture(scope="module")
+def cuff(tmp_path_factory):
+    """A folder with a plan of an imported skin, its calibration, and the same in the folder of a robot."""
+    folder = tmp_path_factory.mktemp("cuff")
+    save_mesh(cylinder(around=24, along=8), folder / "tube.ply")
+    plan = write_plan(folder, "tube", skins=[{"name": "cuff", "kind": "imported", "file": "t.csv"}])
     (folder / "t.csv").write_text(csv_text(on_tube()[0]))
     (folder / "sub").mkdir()
     (folder / "robot").mkdir()
-    monkeypatch.chdir(folder)
-    assert main(["fit", "tube.plan.json", "-o", "c.json"]) == main(["fit", "tube.plan.json", "-o", "robot"]) == 0
-    (folder / "sub" / "copy.ply").write_bytes((folder / "tube.ply").read_bytes())
-    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    assert main(["fit", str(plan), "-o", str(folder / "robot")]) == 0
+    shutil.copy(folder / "robot" / "tube.calibration.json", folder / "c.json")
+    shutil.copy(folder / "tube.ply", folder / "sub" / "copy.ply")
+    return folder
+
+
+@pytest.mark.parametrize("case", NAMED)
+def test_nothing_replaces_what_the_files_of_the_call_name(cuff, monkeypatch, capsys, case):
+    """The mesh of a calibration is lost otherwise: its taxels can have the same name as a point cloud."""
+    words, document = NAMED[case]
+    monkeypatch.chdir(cuff)
+    before = {path: path.read_bytes() for path in cuff.rglob("*") if path.is_file()}
     capsys.readouterr()
     assert_refused(capsys, 2, f" would replace a file that {document} names. Choose another file.", *words.split())
-    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+    assert {path: path.read_bytes() for path in cuff.rglob("*") if path.is_file()} == before
 
 
-def test_plan_in_the_folder_of_a_fit_is_not_replaced(folder, monkeypatch, capsys):  # noqa: F811
+def test_plan_in_the_folder_of_a_fit_is_not_replaced(folder, monkeypatch, capsys):
     """A folder as an argument stands for the plans in it."""
     monkeypatch.chdir(folder)
     before = (folder / "tube.plan.json").read_bytes()
@@ -238,7 +249,7 @@ def test_plan_in_the_folder_of_a_fit_is_not_replaced(folder, monkeypatch, capsys
     assert (folder / "tube.plan.json").read_bytes() == before
 
 
-def test_results_of_earlier_calls_are_replaced(folder, monkeypatch, capsys):  # noqa: F811
+def test_results_of_earlier_calls_are_replaced(folder, monkeypatch, capsys):
     """They are no source of the calibration."""
     monkeypatch.chdir(folder)
     assert main(["fit", "tube.plan.json", "-o", "c.json"]) == 0
@@ -247,7 +258,7 @@ def test_results_of_earlier_calls_are_replaced(folder, monkeypatch, capsys):  # 
 
 
 @pytest.mark.parametrize("case", REPLACING)
-def test_nothing_replaces_what_the_call_needs(folder, monkeypatch, capsys, case):  # noqa: F811
+def test_nothing_replaces_what_the_call_needs(folder, monkeypatch, capsys, case):
     """Under any path: a calibration is not lost if its name is given twice."""
     words, code, name = REPLACING[case]
     save_calibration(FLAT, folder / "f.json")
@@ -262,7 +273,7 @@ def test_nothing_replaces_what_the_call_needs(folder, monkeypatch, capsys, case)
     assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
 
 
-def test_responses_go_into_the_calibration_itself(folder, capsys):  # noqa: F811
+def test_responses_go_into_the_calibration_itself(folder, capsys):
     """This file may be read and written: the old one stays until the new one is complete."""
     save_calibration(FLAT, folder / "f.json")
     (folder / "m.csv").write_text("".join(["reading,force\n", *(f"{k},{2 * k}\n" for k in range(20))]))

@@ -14,6 +14,7 @@ from skin_calib_addon.plan import load_plan
 from skin_calib_addon.proposal.links import Task, numbered, propose_task, robot_of
 from skin_calib_addon.proposal.skins import parse_skin
 from skin_calib_addon.robot.link_mesh import load_urdf_mesh
+from tests.examples import slow
 from tests.shapes import box
 
 LINKS = "one", "two"
@@ -109,7 +110,7 @@ def test_link_next_to_one_that_cannot_be_read_says_so(urdf, capsys):
     assert f"warning: /x_proposal warns: {words}" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("shift", [0.0001, 0.02], ids=["small", "large"])
+@pytest.mark.parametrize("shift", [0.0001, slow(0.02)])
 def test_mesh_that_is_not_that_of_the_proposal_is_named(urdf, capsys, shift):
     """By propose, check and fit, whether the plan still fits or not; a new proposal is of the new mesh."""
     out, again = str(urdf.parent / "out"), ["propose", str(urdf), "--skin", SKIN, "--only", "one", "-o"]
@@ -134,7 +135,7 @@ def test_mesh_that_is_not_that_of_the_proposal_is_named(urdf, capsys, shift):
 
 def test_links_without_a_visual_mesh_have_a_line(tmp_path, capsys):
     """A box that is seen, and a mesh for collisions. A link without shapes has none; one that is left out, neither."""
-    save_mesh(box((0, 0, 0), (0.01, 0.01, 0.01)), tmp_path / "one.ply")
+    save_mesh(plate(0.02), tmp_path / "one.ply")
     mesh, cube = '<geometry><mesh filename="one.ply"/></geometry>', '<geometry><box size="1 1 1"/></geometry>'
     shapes = {
         **{"one": f"<visual>{mesh}</visual>", "cube": f"<visual>{cube}</visual>", "sensor": f"<visual>{cube}</visual>"},
@@ -144,7 +145,16 @@ def test_links_without_a_visual_mesh_have_a_line(tmp_path, capsys):
     joint = '<joint name="{0}" type="fixed"><parent link="one"/><child link="{0}"/></joint>'
     joints = "".join(joint.format(name) for name in list(shapes)[1:])
     (tmp_path / "robot.urdf").write_text(f'<robot name="r">{links}{joints}</robot>')
-    arguments = ["propose", str(tmp_path / "robot.urdf"), "-o", str(tmp_path / "plans"), "--except", "sensor"]
+    arguments = [
+        "propose",
+        str(tmp_path / "robot.urdf"),
+        "-o",
+        str(tmp_path / "plans"),
+        "--except",
+        "sensor",
+        "--skin",
+        SKIN,
+    ]
     assert main(arguments) == 0
     lines = [line.split(maxsplit=5) for line in capsys.readouterr().out.splitlines()]
     assert [line[0] for line in lines[:-1]] == ["one", "cube", "hull"]

@@ -88,27 +88,25 @@ def test_folder_of_plans_is_fitted(robot, capsys, jobs):
     assert err == "" and [line.split()[0] for line in out.splitlines()] == [*NAMES, "3"]
     assert out.splitlines()[0].startswith("arm  fitted           8 taxels, mean error 0.")
     assert out.splitlines()[-1] == "3 links: 3 fitted"
-    for name in NAMES:
-        alone = robot / f"{name}.json"
-        assert main(["fit", str(robot / "plans" / f"{name}.plan.json"), "-o", str(alone)]) == 0
-        assert (robot / "out" / f"{name}.calibration.json").read_bytes() == alone.read_bytes()
+    assert main(["fit", str(robot / "plans" / "leg.plan.json"), "-o", str(robot / "leg.json")]) == 0
+    assert (robot / "out" / "leg.calibration.json").read_bytes() == (robot / "leg.json").read_bytes()
 
 
-def test_up_to_date_calibrations_are_not_fitted_again(robot, capsys):
+def test_up_to_date_calibrations_are_not_fitted_again(fitted, capsys):
     """No file is written again, under any path of the folder; warnings and numbers are repeated."""
-    mesh = load_mesh(robot / "plans" / "toe.ply")
+    mesh = load_mesh(fitted / "plans" / "toe.ply")
     away = np.linalg.norm(mesh.triangles.mean(axis=1) - (RADIUS, 0, LENGTH / 2), axis=1)
-    save_mesh(weld(mesh.vertices, mesh.faces[away > 0.012]), robot / "plans" / "toe.ply")  # a hole
-    fit(robot)
-    first, before = capsys.readouterr(), written(robot)
+    save_mesh(weld(mesh.vertices, mesh.faces[away > 0.012]), fitted / "plans" / "toe.ply")  # a hole
+    fit(fitted)
+    first, before = capsys.readouterr(), written(fitted)
     assert first.err.count("toe: warning: ") == first.err.count("\n") > 0
-    os.rename(robot, robot.with_name("elsewhere"))
-    moved = robot.with_name("elsewhere")
-    assert fit(moved, "--jobs", "2") == 0
+    os.rename(fitted, fitted.with_name("elsewhere"))
+    moved = fitted.with_name("elsewhere")
+    assert fit(moved) == 0
     second = capsys.readouterr()
     assert written(moved) == before and second.err == first.err
     assert second.out.splitlines()[-1] == "3 links: 3 up to date"
-    assert second.out.replace("up to date", "fitted    ").splitlines()[:-1] == first.out.splitlines()[:-1]
+    assert second.out.splitlines()[:-1] == first.out.replace("fitted    ", "up to date").splitlines()[:-1]
 
 
 def change_plan(robot, monkeypatch):
@@ -170,17 +168,14 @@ def test_taxel_file_of_a_plan_counts(robot, capsys):
     assert states(capsys) == {"arm": "up to date", "leg": "fitted", "toe": "up to date"}
 
 
-def test_picture_of_an_older_fit_is_replaced(fitted, capsys):
+def test_picture_of_an_older_fit_is_replaced(fitted, capsys, monkeypatch):
     """A picture of an older fit does not count as up to date."""
+    monkeypatch.setattr(fit_jobs, "_draw", lambda _, path: path.write_bytes(b"new"))
     (fitted / "out" / "leg.png").write_bytes(b"old")
-    capsys.readouterr()
-    assert (
-        main(["fit", str(fitted / "plans/leg.plan.json"), "-o", str(fitted / "out"), "--picture", str(fitted / "out")])
-        == 0
-    )
-    assert (fitted / "out" / "leg.png").read_bytes()[:4] == b"\x89PNG"
-    assert "calibration      " in capsys.readouterr().out
-    main(["fit", str(fitted / "plans/leg.plan.json"), "-o", str(fitted / "out"), "--picture", str(fitted / "out")])
+    words = ("--picture", fitted / "out")
+    assert fit(fitted, *words, plans="plans/leg.plan.json") == 0
+    assert (fitted / "out" / "leg.png").read_bytes() == b"new" and "calibration      " in capsys.readouterr().out
+    fit(fitted, *words, plans="plans/leg.plan.json")
     assert capsys.readouterr().out == f"{fitted / 'out' / 'leg.calibration.json'}: up to date\n"
 
 
@@ -240,27 +235,27 @@ def only_leg(what):
     return lambda plan, mesh: what() if plan.link == "leg" else calibrate(plan, mesh)
 
 
-def test_unexpected_error_does_not_stop_the_others(robot, capsys, monkeypatch):
+def test_unexpected_error_does_not_stop_the_others(fitted, capsys, monkeypatch):
     """It is reported with its traceback; a single plan raises it."""
+    change_plan(fitted, None)
     monkeypatch.setattr(fit_jobs, "calibrate", only_leg(lambda: [][1]))
-    assert fit(robot) == 1
+    assert fit(fitted) == 1
     out, err = capsys.readouterr()
-    assert (
-        "leg  failed      unexpected error in the program, please report it: IndexError" in out and "Traceback" in err
-    )
-    assert out.splitlines()[-1] == "3 links: 2 fitted, 1 failed"
+    words = "leg  failed      unexpected error in the program, please report it: IndexError"
+    assert words in out and "Traceback" in err and out.splitlines()[-1] == "3 links: 2 up to date, 1 failed"
     with pytest.raises(IndexError):
-        fit(robot, plans="plans/leg.plan.json")
+        fit(fitted, plans="plans/leg.plan.json")
 
 
-def test_insufficient_memory_stops_one_link(robot, capsys, monkeypatch):
+def test_insufficient_memory_stops_one_link(fitted, capsys, monkeypatch):
     """It is not reported as an unexpected error; a single plan gives one line, too."""
+    change_plan(fitted, None)
     monkeypatch.setattr(fit_jobs, "calibrate", only_leg(lambda: np.empty(2**50)))
-    assert fit(robot) == 1
+    assert fit(fitted) == 1
     out, err = capsys.readouterr()
     assert "leg  failed      There is not enough memory. Reduce --jobs" in out and err.count("\n") == 1
-    assert out.splitlines()[-1] == "3 links: 2 fitted, 1 failed"
-    assert fit(robot, plans="plans/leg.plan.json") == 1
+    assert out.splitlines()[-1] == "3 links: 2 up to date, 1 failed"
+    assert fit(fitted, plans="plans/leg.plan.json") == 1
     assert capsys.readouterr().err.startswith("skin-calib: There is not enough memory. ")
 
 
@@ -290,42 +285,41 @@ def test_interrupted_call_leaves_whole_files(robot, capsys):
     assert states(capsys) == {"arm": "up to date", "leg": "up to date", "toe": "fitted"}
 
 
-def test_interrupted_call_goes_on(robot, capsys, monkeypatch):
+def test_interrupted_call_goes_on(fitted, capsys, monkeypatch):
     """Ctrl+C gives one line and its own exit code; the same call fits the missing links."""
 
     def interrupt():
         raise KeyboardInterrupt
 
+    change_plan(fitted, None)
     with monkeypatch.context() as patch:
         patch.setattr(fit_jobs, "calibrate", only_leg(interrupt))
-        assert fit(robot) == 130
-    assert capsys.readouterr() == (
-        "",
-        "skin-calib: interrupted after 1 of 3 links. The same call continues from here.\n",
-    )
-    assert fit(robot) == 0
-    assert states(capsys) == {"arm": "up to date", "leg": "fitted", "toe": "fitted"}
+        assert fit(fitted) == 130
+    words = "skin-calib: interrupted after 1 of 3 links. The same call continues from here.\n"
+    assert capsys.readouterr() == ("", words)
+    assert fit(fitted) == 0
+    assert states(capsys) == {"arm": "up to date", "leg": "fitted", "toe": "up to date"}
 
 
-def test_progress_is_for_a_terminal(robot, capsys, monkeypatch):
+def test_progress_is_for_a_terminal(fitted, capsys, monkeypatch):
     """The bar is erased before other output and at the end."""
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
-    write_plan(robot / "plans", "leg", link="leg", mesh="none.ply")
-    fit(robot)
+    write_plan(fitted / "plans", "leg", link="leg", mesh="none.ply")
+    fit(fitted)
     shown = capsys.readouterr().err.split("\r\x1b[K")
     assert [part.split()[-1] for part in shown if part.startswith("[")] == ["0/3", "1/3", "2/3", "3/3"]
     assert shown[1] == f"[{'.' * 30}] 0/3" and shown[-2] == f"[{'#' * 30}] 3/3" and shown[-1] == ""
     assert shown[4].startswith("skin-calib: leg: There is no mesh file") and shown[4].endswith("\n")
 
 
-def test_invalid_sources_are_an_error_of_their_link(robot, capsys):
+def test_invalid_sources_are_an_error_of_their_link(fitted, capsys):
     """Its sources are unknown: one line states what to do. Other links are fitted."""
-    (robot / "out" / "leg.sources.json").write_text('{"format": "skin-sources", "version": 3}')
-    assert fit(robot) == 1
+    (fitted / "out" / "leg.sources.json").write_text('{"format": "skin-sources", "version": 3}')
+    assert fit(fitted) == 1
     out, err = capsys.readouterr()
     assert 'leg.sources.json has error: the document lacks the member "program"' in err and "Delete this file" in err
-    assert out.splitlines()[-1] == "3 links: 2 fitted, 1 failed"
-    assert fit(robot, "--again") == 0
+    assert out.splitlines()[-1] == "3 links: 2 up to date, 1 failed"
+    assert fit(fitted, "--again", plans="plans/leg.plan.json") == 0
 
 
 def link(name, *meshes, origin=""):
@@ -339,12 +333,12 @@ def write_urdf(robot, *links):
     return path
 
 
-def test_urdf_selects_the_plans_in_its_folder(robot, capsys):
-    """No warning if robot and plans agree; links without skin need no plan."""
-    write_urdf(robot, *(link(name, f"package://r/meshes/{name}.ply") for name in NAMES), link("head"))
-    assert fit(robot, plans="plans/robot.urdf") == 0
+def test_urdf_selects_the_plans_in_its_folder(fitted, capsys):
+    """No warning if robot and plans agree; links without skin need no plan, and a plan named twice counts once."""
+    urdf = write_urdf(fitted, *(link(name, f"package://r/meshes/{name}.ply") for name in NAMES), link("head"))
+    assert main([*map(str, ("fit", urdf, fitted / "plans" / "arm.plan.json", "-o", fitted / "out"))]) == 0
     out, err = capsys.readouterr()
-    assert err == "" and out.splitlines()[-1] == "3 links: 3 fitted"
+    assert err == "" and out.splitlines()[-1] == "3 links: 3 up to date"
 
 
 MOVED = '<origin xyz="0 0 0.1" rpy="0 0 0"/>'
@@ -362,23 +356,24 @@ CONTRADICTIONS = {
 
 
 @pytest.mark.parametrize("case", CONTRADICTIONS)
-def test_difference_of_urdf_and_plan_is_a_warning(robot, capsys, case):
+def test_difference_of_urdf_and_plan_is_a_warning(fitted, capsys, case):
     """The link is fitted; the next call repeats the warning."""
     element, words = CONTRADICTIONS[case]
-    write_urdf(robot, link("arm"), element, link("toe", "toe.ply", "toe_collision.stl"))
+    (fitted / "out" / "leg.sources.json").unlink()
+    write_urdf(fitted, link("arm"), element, link("toe", "toe.ply", "toe_collision.stl"))
     for _ in range(2):
-        assert fit(robot, plans="plans/robot.urdf") == 0
+        assert fit(fitted, plans="plans/robot.urdf") == 0
         err = capsys.readouterr().err
         assert err.count("\n") == 1 and f"leg: warning: robot.urdf {words}" in err
 
 
-def test_plan_for_a_link_that_the_robot_lacks_fails(robot, capsys):
+def test_plan_for_a_link_that_the_robot_lacks_fails(fitted, capsys):
     """Also with plans in another folder; the message suggests the most similar name."""
-    urdf = write_urdf(robot, link("arms"), link("leg"), link("toe")).rename(robot / "robot.urdf")
-    assert main(["fit", str(urdf), str(robot / "plans"), "-o", str(robot / "out")]) == 1
+    urdf = write_urdf(fitted, link("arms"), link("leg"), link("toe")).rename(fitted / "robot.urdf")
+    assert main(["fit", str(urdf), str(fitted / "plans"), "-o", str(fitted / "out")]) == 1
     out, err = capsys.readouterr()
     assert 'robot.urdf has no link "arm", which is the link of the plan; did you mean "arms"?' in err
-    assert out.splitlines()[-1] == "3 links: 2 fitted, 1 failed"
+    assert out.splitlines()[-1] == "3 links: 2 up to date, 1 failed"
 
 
 BAD_CALLS = {
@@ -401,12 +396,6 @@ def test_invalid_call_is_one_line(robot, capsys, case):
     out, err = capsys.readouterr()
     assert out == "" and err.count("\n") == 1 and words in err
     assert os.listdir(robot / "out") == []
-
-
-def test_plan_named_twice_is_fitted_once(robot, capsys):
-    """As a file and in its folder."""
-    assert main([*map(str, ("fit", robot / "plans" / "arm.plan.json", robot / "plans", "-o", robot / "out"))]) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == "3 links: 3 fitted"
 
 
 def test_mesh_is_known_whatever_its_file(robot):
@@ -502,5 +491,5 @@ def test_invalid_paths_in_sources_are_harmless(fitted, capsys):
             capsys.readouterr()
             assert main(["check", str(fitted / "out" / "arm.calibration.json")]) == 0
             assert "mesh arm.ply not found" in capsys.readouterr().out
-        assert fit(fitted) == 0
-        assert states(capsys) == {"arm": "fitted", "leg": "up to date", "toe": "up to date"}
+    assert fit(fitted) == 0
+    assert states(capsys) == {"arm": "fitted", "leg": "up to date", "toe": "up to date"}

@@ -17,7 +17,6 @@ from skin_calib_addon.calibration import (
 from skin_calib_addon.cli import main
 from tests.samples import small_calibration
 from tests.unit.commands.test_cli import assert_refused, write_plan
-from tests.unit.commands.test_cli import folder as folder  # a fixture
 
 PROXIMITY = {
     "name": "proximity",

@@ -1,7 +1,6 @@
 """Worker processes: results, crashes, and termination."""
 
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -11,46 +10,14 @@ import pytest
 
 from skin_calib_addon.commands import worker_processes
 from skin_calib_addon.commands.worker_processes import run_tasks
-from skin_calib_addon.common.atomic_file import write_bytes_safely
 from tests.examples import slow
+from tests.unit.commands.worker_tasks import DEATHS, deaf_and_slow, group, work, write
 
 ROOT = Path(__file__).parents[3]
-DEATHS = {
-    "killed": ("killed, most likely because of insufficient memory", lambda: os.kill(os.getpid(), signal.SIGKILL)),
-    "crashed": ("ended by the signal SIGSEGV", lambda: os.kill(os.getpid(), signal.SIGSEGV)),
-    "left": ("exited with code 3", lambda: os._exit(3)),
-}
-
-
-def work(task):
-    """Crash, or return the process id; print to stdout, which also carries the results."""
-    print("output of a library")
-    if task in DEATHS:
-        DEATHS[task][1]()
-    if task == "slow":
-        time.sleep(600)
-    if task == "deaf":
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    return task, os.getpid()
 
 
 def lost(task, problem):
     return task, str(problem)
-
-
-def deaf_and_slow(task):
-    return work("deaf"), work(task)
-
-
-def write(path):
-    """Write a file on a very slow disk."""
-    if path:
-        os.fsync = lambda handle: time.sleep(600)
-        write_bytes_safely(path, b"half a file")
-
-
-def group(task):
-    return os.getpgrp()
 
 
 def is_there(pid):
@@ -100,8 +67,9 @@ def test_terminal_interrupts_only_the_one_that_waits():
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signals")
-def test_terminated_process_removes_its_temporary_file(tmp_path):
+def test_terminated_process_removes_its_temporary_file(tmp_path, monkeypatch):
     """No incomplete file stays under any name."""
+    monkeypatch.setattr(worker_processes, "END_TIMEOUT", 60.0)  # a busy machine takes seconds
     found = run_tasks(write, ["", tmp_path / "whole"], 2, lost)
     next(found)
     while not os.listdir(tmp_path):

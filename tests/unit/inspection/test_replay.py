@@ -87,17 +87,6 @@ def test_missing_numbers_are_flagged_not_refused(calibration, tmp_path, capsys):
     assert "warning: wrong_length in 1 of 4 frames" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("separator", [";", "\t"])
-def test_other_separators_and_comments_are_read(separator, tmp_path):
-    """Recordings are tables as all others."""
-    time, rows = readings(4)
-    path = as_csv(tmp_path / "r.csv", time, rows)
-    plain = list(read_recording(path))
-    path.write_text("# hand 3\n" + path.read_text().replace(",", separator))
-    for (time, reading), (other_time, other) in zip(plain, list(read_recording(path)), strict=True):
-        assert time == other_time and (reading == other).all()
-
-
 def test_columns_with_numbered_names_count_by_their_numbers(tmp_path):
     """The order of such columns does not matter, and other columns are not channels. Without them the order counts."""
     time, rows = readings(2)

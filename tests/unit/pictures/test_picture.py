@@ -14,27 +14,26 @@ from matplotlib.image import imread
 
 from skin_calib_addon.common.errors import SkinCalibError
 from skin_calib_addon.common.warnings import Place, Warning
+from skin_calib_addon.pictures import calibration as calibration_picture
 from skin_calib_addon.pictures.calibration import NOTE_COLOUR, draw_calibration, look_at
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import plan_from
 from tests.samples import boards, plane, small_calibration
 from tests.shapes import cylinder
+from tests.unit.commands.test_cli import SHEET
 
 ROOT = Path(__file__).parents[3]
-SHEET = {
-    "name": "s",
-    "kind": "sheet",
-    "rows": 2,
-    "columns": 4,
-    "pitch": [0.01, 0.01],
-    "origin": "center",
-    "direction": [0, 1, 0],
-}
 TUBE = {"kind": "tube", "n": 5, "lines": 10, "axis": {"point": [0, 0, 0], "direction": [0, 0, 1]}, "margin": 0.003}
 FACE = {"kind": "patch", "n": 5, "lines": 5, "normal": [0, 0, 1]}
 
 
-def calibrated(mesh, grid, skins=(SHEET,)):
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch):
+    """Surfaces of few faces."""
+    monkeypatch.setattr(calibration_picture, "QUAD_COUNTS", (10, 20))
+
+
+def calibrated(mesh, grid, skins=(SHEET | {"name": "s"},)):
     """Return a complete calibration made from a mesh."""
     head = {"format": "skin-plan", "version": 1, "link": "link", "mesh": "m.ply", "unit": "m"}
     return calibrate(plan_from(head | {"grid": grid, "skins": list(skins)}), mesh)

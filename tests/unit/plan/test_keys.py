@@ -13,7 +13,7 @@ from skin_calib_addon.plan.keys import BOARDS, COVER, IMPORTED, MODALITY, PLAN, 
 from skin_calib_addon.plan.schema import plan_schema, schema_of
 from skin_calib_addon.plan.skins import SheetSkin
 
-THICKNESS = Key("thickness", length(minimum=0, maximum=0.1), "Thickness.", default=0.001, label="Thickness")
+THICKNESS = Key("thickness", length(minimum=0, maximum=0.1), "Thickness.", default=0.001)
 BAND = {"name": "band", "kind": "sheet", "rows": 6, "columns": 22, "pitch": [0.01, 0.01], "direction": [0.0, 1.0, 0.0]}
 BAND |= {"origin": "center"}
 

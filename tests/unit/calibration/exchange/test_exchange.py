@@ -1,5 +1,7 @@
 """Taxel files of other programs: they are read unchanged, with warnings, or give errors with line numbers."""
 
+import re
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -45,6 +47,18 @@ def value(taxels, code):
     """Return the value of the only finding with a code."""
     (found,) = (finding.value for finding in taxels.findings if finding.code == code)
     return found
+
+
+def error_of(read, content, *change, format=None):
+    """Replace each first text of a pair in a content, and return the first error that its reader finds."""
+    for old, new in zip(change[::2], change[1::2]):
+        assert old in content
+        content = content.replace(old, new, -1 if old in ("SkinConfig", "rot>") else 1)
+    with pytest.raises(CalibrationFormatError) as refused:
+        read(content, format)
+    found = [f for f in refused.value.findings if f.severity == "error"]
+    assert str(found[0]) in str(refused.value) and "\n" not in str(refused.value)
+    return found[0]
 
 
 # --- iCub
@@ -155,18 +169,15 @@ def test_tum_patch_without_pose_stays_in_its_root_cell(read):
     ("change", "code", "words"),
     [
         (("<!DOCTYPE scfg>", '<!DOCTYPE scfg [<!ENTITY a "b">]>'), "entity", "declares an entity"),
-        (("<!DOCTYPE scfg>", '<!DOCTYPE scfg [<!ENTITY % a SYSTEM "file:///etc/passwd">]>'), "entity", "an entity"),
         (("</pos>", ""), "syntax", "is not XML at column"),
         (("SkinConfig", "Skin"), "syntax", 'starts "Skin"; the root element must be SkinConfig'),
-        (("<rot>", "<tor>", "</rot>", "</tor>"), "missing", "starts an element tf_rootCell_base without rot"),
+        (("rot>", "tor>"), "missing", "starts an element tf_rootCell_base without rot"),
         (('<cell id="5"', "<cell"), "missing", "starts an element cell without the attribute id"),
         (('<cell id="5"', '<cell id="five"'), "number", "has 'five' instead of an integer (cell id)"),
         (('<cell id="6"', '<cell id="5"'), "duplicate-label", 'repeats the label "5" of line'),
         (('row="2" col="0">0.0<', 'row="3" col="0">0.0<'), "size", "contains element (3, 0) of pos, which is 3 x 1"),
         (('row="2" col="0">0.0<', 'row="1" col="0">0.0<'), "missing", "starts a matrix without element (2, 0)"),
-        (('row="2" col="0">0.0<', 'row="2" col="0">zero<'), "number", "has 'zero' instead of a number"),
         (('row="2" col="0">0.0<', 'row="2" col="0">NaN<'), "not-finite", "has 'NaN' instead of a finite number"),
-        (('row="2" col="0">0.0<', 'row="2" col="0">1e999<'), "not-finite", "has '1e999'"),
         (('row="2" col="2">1.0<', 'row="2" col="2">-1.0<'), "rotation", "has a matrix rot that is not a rotation"),
         (('row="2" col="2">1.0<', 'row="2" col="2">1e300<'), "rotation", "has a matrix rot that is not a rotation"),
         (("0.0<", f"1.{'3' * 70}e-9<"), "number", "instead of a number of less than 64 characters"),
@@ -176,14 +187,8 @@ def test_tum_patch_without_pose_stays_in_its_root_cell(read):
 )
 def test_tum_reader_reports_errors_with_lines(read, change, code, words):
     """Each change gives one error with line and reason."""
-    content = tum_text(CELLS)
-    for old, new in zip(change[::2], change[1::2]):
-        assert old in content
-        content = content.replace(old, new) if len(change) > 2 or old == "SkinConfig" else content.replace(old, new, 1)
-    with pytest.raises(CalibrationFormatError, match="has one error: line [0-9]+ ") as refused:
-        read(content)
-    (found,) = (f for f in refused.value.findings if f.severity == "error")
-    assert found.code == code and words in found.message
+    found = error_of(read, tum_text(CELLS), *change)
+    assert found.code == code and words in found.message and found.pointer.startswith("line ")
 
 
 def test_tum_declared_encoding_is_ignored(read):
@@ -268,36 +273,27 @@ def test_frame_of_a_table_is_the_one_that_all_rows_name(read):
         (("\n0.03", "\nabc"), "number", "line 2", "has 'abc"),
         (("\n0.03", "\n1_0.03"), "number", "line 2", "has '1_0.03"),
         (("\n0.03", "\n０.03"), "number", "line 2", "instead of a number"),
+        (("\n0.03,", "\n1e400,"), "not-finite", "line 2", "has '1e400'"),
         (("\n0.03", "\n "), "number", "line 2", "instead of a number"),
         (("\n0.03,", "\nnan,"), "not-finite", "line 2", "has 'nan' instead of a finite number"),
-        (("\n0.03,", "\n-Infinity,"), "not-finite", "line 2", "has '-Infinity'"),
-        (("\n0.03,", "\n1e400,"), "not-finite", "line 2", "has '1e400'"),
         (("\n0.03,", "\n50,"), "units", "line 2", "divide lengths by 1000 if they are in millimetres"),
-        (("\n0.03,0.0,0.0", "\n0.03,0.0,1e7"), "units", "line 2", "divide lengths by 1000"),
         (("\n0.03", '\n"0.03'), "syntax", "line 2", "is not a row of a table: unexpected end of data"),
     ],
 )
 def test_table_reader_reports_errors_with_lines(read, change, code, place, words):
     """Errors of header and rows have a line number."""
-    content = csv_text(ROUND, normals=OUTWARD)
-    assert change[0] in content
-    with pytest.raises(CalibrationFormatError) as refused:
-        read(content.replace(*change, 1), "csv")
-    found = [f for f in refused.value.findings if f.severity == "error"]
-    assert (found[0].code, found[0].pointer) == (code, place) and words in found[0].message
-    assert str(found[0]) in str(refused.value) and "\n" not in str(refused.value)
+    found = error_of(read, csv_text(ROUND, normals=OUTWARD), *change, format="csv")
+    assert (found.code, found.pointer) == (code, place) and words in found.message
 
 
 @pytest.mark.parametrize(
     ("header", "row", "code", "words"),
     [
         ("channel,x,y,z", "-1,0,0,1", "channel", "has the channel -1; use 0 to 2147483647"),
-        ("channel,x,y,z", "2147483648,0,0,1", "channel", "has the channel 2147483648"),
         ("channel,x,y,z", "1.5,0,0,1", "number", "has '1.5' instead of an integer"),
         ("channel,x,y,z", "7,0,0,1\n7,0,1,1", "duplicate-channel", "repeats the channel 7 of line 2"),
         ("id,x,y,z", "a,0,0,1\na,0,1,1", "duplicate-label", 'repeats the label "a" of line 2'),
         ("id,x,y,z", " ,0,0,1", "label", 'has the label ""; use 1 to 200 printable characters'),
-        ("id,x,y,z", "a\x07,0,0,1", "label", "printable"),
         ("id,x,y,z", "a" * 300 + ",0,0,1", "label", "printable"),
         (
             "x,y,z,nx,ny,nz",
@@ -311,9 +307,7 @@ def test_table_reader_reports_errors_with_lines(read, change, code, place, words
 )
 def test_labels_channels_and_directions_must_be_usable(read, header, row, code, words):
     """One error that states what to do."""
-    with pytest.raises(CalibrationFormatError) as refused:
-        read(f"{header}\n{row}")
-    (found,) = (f for f in refused.value.findings if f.severity == "error")
+    found = error_of(read, f"{header}\n{row}")
     assert found.code == code and words in found.message
 
 
@@ -388,8 +382,6 @@ def test_taxels_of_tactile_sensors_are_read(read):
     [
         (robot_text(PLACES), ('xyz="0.03 0.0', 'xyz="${r} 0.0'), "number", "has '${r}' instead of a number (xyz)"),
         (robot_text(PLACES), ('xyz="0.03 0.0', 'xyz="0.03'), "number", "has 2 numbers in xyz; it must have three"),
-        (robot_text(PLACES), ('xyz="0.03 ', 'xyz="nan '), "not-finite", "has 'nan'"),
-        (robot_text(PLACES), ('xyz="0.03 ', 'xyz="30 '), "units", "divide lengths by 1000 if they are in millimetres"),
         (
             robot_text(PLACES),
             ('<link name="skin_3"/>', ""),
@@ -409,22 +401,15 @@ def test_taxels_of_tactile_sensors_are_read(read):
             'is a second joint of the link "skin_2"',
         ),
         (robot_text(PLACES), ('<child link="skin_3"/>', ""), "missing", "starts an element joint without child"),
-        (robot_text(PLACES), ('type="fixed"', ""), "missing", "starts an element joint without the attribute type"),
         (robot_text({}), ("", ""), "no-taxels", "has no tactile sensor and no frame fixed to a link"),
         (SENSOR, ("<taxel", '<array rows="2" cols="2"/><taxel'), "array", "starts an array, which is not supported"),
         (SENSOR, ('idx="4"', 'idx="2"'), "duplicate-channel", "repeats the channel 2 of line 4"),
-        (SENSOR, ('idx="4"', 'idx="-4"'), "channel", "has the channel -4"),
-        (SENSOR, ('idx="4"', ""), "missing", "starts an element taxel without the attribute idx"),
-        (SENSOR, ("<robot", '<!DOCTYPE a [<!ENTITY b "c">]><robot'), "entity", "declares an entity"),
     ],
 )
 def test_urdf_reader_reports_errors_with_lines(read, content, change, code, words):
     """Each change gives one error with its reason."""
-    assert change[0] in content
-    with pytest.raises(CalibrationFormatError) as refused:
-        read(content.replace(*change, 1))
-    (found,) = (f for f in refused.value.findings if f.severity == "error")
-    assert found.code == code and words in found.message and "\n" not in str(refused.value)
+    found = error_of(read, content, *change)
+    assert found.code == code and words in found.message
 
 
 def test_loop_of_frames_is_an_error(read):
@@ -493,7 +478,6 @@ def test_viewpoint_of_a_cloud_is_reported(read):
     [
         (ply_text(ROUND), ("end_header", "ende"), "has a header without end"),
         (ply_text(ROUND), ("format ascii", "format ebcdic"), "has a header without format or vertices"),
-        (ply_text(ROUND), ("vertex 12", "vertex 13"), "line 23 has 4 numbers|more than 3 numbers"),
         (ply_text(ROUND), ("vertex 12", "vertex 20"), "is truncated: the header announces 20 points, 13 were found"),
         (ply_text(ROUND), ("vertex 12", "vertex 1e9"), "line 4 announces '1e9' points; the limit is 100000"),
         (ply_text(ROUND), ("vertex 12", "vertex 0"), "contains no point"),
@@ -502,15 +486,11 @@ def test_viewpoint_of_a_cloud_is_reported(read):
         (ply_text(ROUND), ("property float x", "property real x"), 'has the type "real", which is invalid in PLY'),
         (ply_text(ROUND), ("float x", "float u"), 'has no column "x"; its columns are "u y z"'),
         (ply_text(ROUND), ("\n0.03 ", "\n0.03 1 "), "line 11 has more than 3 numbers, but the header names 3"),
-        (ply_text(ROUND), ("\n0.03 ", "\n0x3 "), "line 11 has '0x3' instead of a number"),
         (pcd_text(ROUND), ("DATA ascii", "DATA binary_compressed"), "save it as ascii or binary"),
         (pcd_text(ROUND), ("DATA ascii", "data"), "has no line DATA"),
-        (pcd_text(ROUND), ("POINTS 12", "POINTS 13"), "the header announces 13 points, 12 were found"),
-        (pcd_text(ROUND), ("POINTS 12", "POINTS -1"), "line 10 announces '-1' points"),
         (pcd_text(ROUND), ("POINTS 12\n", ""), "has a header without POINTS"),
         (pcd_text(ROUND), ("SIZE 4", "SIZE 3"), 'the field "x" of type "F", size "3"'),
         (pcd_text(ROUND), ("SIZE 4", "SIZE"), "has another number of fields than SIZE, TYPE or COUNT"),
-        (pcd_text(ROUND), ("\n0.03 ", "\nnan "), "line 12 has 'nan' instead of a finite number"),
         (pcd_text(ROUND, "x y channel"), ("", ""), 'has no column "z"; its columns are'),
         (pcd_text(ROUND), ("POINTS 12", "POINTS 11"), "line 23 is after the last point: .* 11 points, 12 were found"),
         (BARE_PLY, ("vertex 12", "vertex 11"), "line 20 is after the last point: .* 11 points, 12 were found"),
@@ -526,10 +506,7 @@ def test_viewpoint_of_a_cloud_is_reported(read):
 )
 def test_cloud_readers_report_errors_with_locations(read, content, change, words):
     """Errors of header, number of points and numbers are one line with reason and location."""
-    assert change[0] in content
-    with pytest.raises(CalibrationFormatError, match=words) as refused:
-        read(content.replace(*change, 1))
-    assert "\n" not in str(refused.value)
+    assert re.search(words, str(error_of(read, content, *change)))
 
 
 # --- all formats

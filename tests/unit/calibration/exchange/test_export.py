@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.calibration.exchange import FORMATS, READABLE, WRITABLE, only_patches, read_taxels
+from skin_calib_addon.calibration.exchange import FORMATS, READABLE, WRITABLE, read_taxels
 from skin_calib_addon.calibration.exchange.link_taxels import taxels_of
 from skin_calib_addon.calibration.exchange.mjcf import triangles
 from skin_calib_addon.calibration.exchange.rsdf import hull
@@ -245,6 +245,15 @@ def test_sensors_are_what_the_parser_of_tactile_toolbox_wants():
     assert_allclose(np.pi * np.square(discs), taxels.areas[6:], rtol=1e-12)
 
 
+def test_oblong_cells_are_longest_along_their_rows():
+    """The sizes of a cell are those along and across the tangent, in this order."""
+    taxels = sheet(2, 3, 0.01).taxels
+    arms = taxels.corners_link - taxels.positions_link[:, None]
+    along = (arms * taxels.tangents_link[:, None]).sum(axis=2, keepdims=True) * taxels.tangents_link[:, None]
+    _, made = written("urdf-tactile", patches=(renamed(sheet(2, 3, 0.01), corners_link=taxels.corners_link + along),))
+    assert_allclose(made.sizes, np.tile((0.02, 0.01), (6, 1)), rtol=0.01)
+
+
 # --- mc_rtc
 
 
@@ -302,16 +311,6 @@ def test_triangles_fill_a_sheet_and_a_flower():
         a, b, c = taxels.positions[faces].transpose(1, 0, 2)
         if count != 3:
             assert ((np.cross(b - a, c - a) * taxels.normals[faces[:, 0]]).sum(axis=1) > 0).all()
-
-
-def test_patches_are_chosen_by_name():
-    """In the order of the calibration; the error for an unknown one lists the existing ones."""
-    calibration = small_calibration()
-    assert [p.name for p in only_patches(calibration, ["boards"]).patches] == ["boards"]
-    with pytest.raises(
-        CalibrationFormatError, match='the calibration has no patch "board"; it has "sheet", "boards"; did you mean'
-    ):
-        only_patches(calibration, ["sheet", "board"])
 
 
 def test_calibration_without_taxels_is_refused():

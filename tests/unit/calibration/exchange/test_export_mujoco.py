@@ -163,23 +163,6 @@ def test_cells_of_a_convex_link_are_in_one_body():
     assert pressed(small_calibration(patches=(sheet(4, 20, 0.01),)))[0].nbody == 3
 
 
-def test_cells_are_2_millimetres_deep_and_sites_as_high_as_wide():
-    """Half sizes of the first cell, of 10 and of 1 mm: a smaller cell is no deeper than wide."""
-    for pitch, depth in ((0.01, 0.002), (0.001, 0.001)):
-        calibration = small_calibration(patches=(sheet(4, 6, pitch),))
-        model = mujoco.MjModel.from_xml_string(FORMATS["mjcf"].write(calibration).decode())
-        name, side = taxels_of(calibration).ids[0], taxels_of(calibration).sizes[0].min()
-        (box,) = (g for g in range(model.ngeom) if np.allclose(model.geom_pos[g], cell_centre(calibration, depth)))
-        assert model.geom_size[box][2] == pytest.approx(depth / 2, rel=1e-5)
-        assert model.site(name).size[2] == pytest.approx(side / 2, rel=1e-5)
-
-
-def cell_centre(calibration, depth):
-    """Centre of the geom of the first taxel."""
-    taxels = taxels_of(calibration)
-    return taxels.positions[0] - depth / 2 * taxels.normals[0]
-
-
 def test_patches_without_a_mesh_have_touch_sensors():
     """Two boards, or one straight row of cells, give no mesh; one row around a bend does."""
     straight = sheet(5, 1, 0.01)
