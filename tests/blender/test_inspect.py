@@ -114,18 +114,6 @@ def test_colours_run_over_the_scale(ours, signed, ends):
     assert np.isfinite(ours.scales.Legend("Tilt", "ANGLE", 0.0).colours(np.zeros(3))).all()
 
 
-NUMBERS = [
-    ("LENGTH", "METRIC", "MILLIMETERS", 1.0, (0.0, 1.25e-5), (["0", "0.0125"], "mm")),
-    ("LENGTH", "METRIC", "METERS", 1.0, (0.0, 1.25e-5), (["0", "0.0125"], "mm")),
-    ("LENGTH", "METRIC", "ADAPTIVE", 0.001, (0.0, 0.125), (["0", "125"], "mm")),
-    ("LENGTH", "IMPERIAL", "INCHES", 1.0, (0.0254,), (["25.4"], "mm")),
-    ("LENGTH", "NONE", "METERS", 0.001, (0.0125,), (["12.5"], "mm")),
-    ("FRACTION", "METRIC", "METERS", 1.0, (-0.016, -0.0, 0.016), (["-1.6", "0", "1.6"], "%")),
-    ("FORCE", "METRIC", "METERS", 1.0, (2.5,), (["2.5"], "N")),
-    ("ANGLE", "METRIC", "METERS", 1.0, (np.pi / 2,), (["90"], "°")),
-]
-
-
 def test_layers_are_switched_by_the_link(ours, fitted, state_of):
     """There is one heat map at a time; layers of other modules need no switch."""
     looks = fitted.skin_calib.inspect

@@ -120,8 +120,8 @@ OF_FILES = re.compile(
 
 
 @pytest.mark.parametrize("case", BAD_LINKS)
-def test_bad_link_is_refused_by_every_interface(bpy, addon, link, tmp_path, capsys, case):
-    """Fit, both exports and the command give the same message, in words of the window, and change nothing."""
+def test_bad_link_is_refused_by_button_and_command(bpy, addon, link, tmp_path, capsys, case):
+    """They give the same message, in words of the window, and change nothing."""
     what, message = BAD_LINKS[case]
     out = tmp_path / "out.json"
     out.write_bytes(b"as it was")
@@ -132,8 +132,6 @@ def test_bad_link_is_refused_by_every_interface(bpy, addon, link, tmp_path, caps
     with pytest.raises(RuntimeError, match=f"Error: .*{message}") as caught:
         bpy.ops.skin_calib.fit()
     assert not OF_FILES.search(str(caught.value))
-    with pytest.raises(RuntimeError, match=f"Error: .*{message}"):
-        bpy.ops.skin_calib.export_calibration(filepath=str(out))
     assert addon.command.main(["fit", "-o", str(out)]) == 1
     assert len(capsys.readouterr().err.splitlines()) == 1
     assert str(scene_state(bpy, addon)) == str(scene) and folder_state(tmp_path) == files
@@ -228,23 +226,6 @@ NOT_THERE = {
 }
 
 
-def with_entries(bpy):
-    """Add a landmark to the sheet, and boards with a zone."""
-    bpy.ops.skin_calib.skin_add(kind="hexagons")
-    bpy.ops.skin_calib.landmark_add(skin=0)
-    bpy.ops.skin_calib.zone_add(skin=1)
-
-
-@pytest.mark.parametrize("operator", NOT_THERE)
-def test_entry_that_is_not_there_is_refused(bpy, addon, link, operator):
-    """The message has the index and the length of the list."""
-    with_entries(bpy)
-    before = scene_state(bpy, addon)
-    with pytest.raises(RuntimeError, match=r"Error: There is no .+ \d; there are \d, counted from 0"):
-        getattr(bpy.ops.skin_calib, operator)(**NOT_THERE[operator])
-    assert scene_state(bpy, addon) == before
-
-
 OTHER_KIND = {
     "landmark_add": {"skin": 1},
     "landmark_remove": {"skin": 1},
@@ -256,16 +237,24 @@ OTHER_KIND = {
 }
 
 
-@pytest.mark.parametrize("operator", OTHER_KIND)
-def test_what_the_other_kind_has_is_refused(bpy, addon, link, operator):
-    """Boards have no landmarks, sheets have no zones."""
-    with_entries(bpy)
+@pytest.mark.parametrize(
+    ("calls", "message"),
+    [
+        (NOT_THERE, r"Error: There is no .+ \d; there are \d, counted from 0"),
+        (OTHER_KIND, r"Error: Skin '(band|skin)' has no .+, which belong to Kind: .+\. Choose such a skin"),
+    ],
+    ids=["not there", "other kind"],
+)
+def test_entry_that_a_skin_does_not_have_is_refused(bpy, addon, link, calls, message):
+    """The message has the index and the length of the list; boards have no landmarks, sheets have no zones."""
+    bpy.ops.skin_calib.skin_add(kind="hexagons")
+    bpy.ops.skin_calib.landmark_add(skin=0)
+    bpy.ops.skin_calib.zone_add(skin=1)
     before = scene_state(bpy, addon)
-    with pytest.raises(
-        RuntimeError, match="Error: Skin '(band|skin)' has no .+, which belong to Kind: .+\\. Choose such a skin"
-    ):
-        getattr(bpy.ops.skin_calib, operator)(**OTHER_KIND[operator])
-    assert scene_state(bpy, addon) == before
+    for operator, words in calls.items():
+        with pytest.raises(RuntimeError, match=message):
+            getattr(bpy.ops.skin_calib, operator)(**words)
+        assert scene_state(bpy, addon) == before
 
 
 def test_linked_library_is_fitted_from_outside_and_not_edited(bpy, addon, link, fit_scene, tmp_path):
