@@ -104,8 +104,9 @@ SKINS = {
 
 
 @pytest.mark.parametrize("block", [slow(2**20), 1000])
-@pytest.mark.parametrize("has_times", [True, False])
-@pytest.mark.parametrize("name", SKINS)
+@pytest.mark.parametrize(
+    ("name", "has_times"), [*((name, True) for name in SKINS), ("thresholds", False), ("noise in cell", False)]
+)
 def test_batch_equals_the_loop(monkeypatch, name, has_times, block):
     """Every number equals that of the loop to 1e-12, with NaN, masked taxels, hysteresis and times that jump."""
     monkeypatch.setattr(batch_module, "BLOCK_NUMBERS", block)

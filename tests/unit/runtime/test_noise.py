@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration import Response, ResponseTable
 from skin_calib_addon.runtime import Skin, convex_hull
-from skin_calib_addon.runtime.noise import joint_quantile, student
+from skin_calib_addon.runtime.noise import joint_quantile
 from tests.examples import slow
 from tests.samples import plane, sheet, small_calibration
 from tests.soles import counting_sole as sole
@@ -62,9 +62,7 @@ def test_levels_are_quantiles_of_the_noise():
         assert_allclose(learned.steps(learned.mean + sigmas * learned.sigma), weight, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("cells", "newtons", "offset"), [(2, 10.0, 0.0), (8, 10.0, 50.0), (21, 0.8, 0.0), (42, 0.8, 0.0), (42, 0.8, 50.0)]
-)
+@pytest.mark.parametrize(("cells", "newtons", "offset"), [(2, 10.0, 0.0), (8, 10.0, 50.0), (42, 0.8, 0.0)])
 def test_noise_of_free_taxels_moves_neither_load_nor_cop(cells, newtons, offset):
     """A few pressed cells, and loads below the noise of each cell: errors are zero on average, sigma holds 95 %."""
     rng, skin = np.random.default_rng(5), sole()
@@ -338,16 +336,6 @@ def test_limb_without_ground_has_contacts_by_noise():
     assert [c.taxels.tolist() for c in frame.contacts] == [[17]] and frame.wrench_sigma.shape == (6,)
 
 
-def test_students_quantiles():
-    """The expansion agrees with SciPy to a percent at the thresholds in use."""
-    from scipy.stats import norm, t
-
-    freedom = np.array([20.0, 60.0, 250.0])
-    for probability in (3e-4, 1e-5):
-        expected = t.isf(probability, freedom)
-        assert_allclose(student(float(norm.isf(probability)), freedom), expected, rtol=0.015)
-
-
 def test_level_that_two_correlated_variables_exceed():
     """It agrees with SciPy's bivariate normal distribution; without correlation it is the quantile of the root."""
     from scipy.stats import multivariate_normal, norm
@@ -506,9 +494,10 @@ def first_flag(skin, readings, flag, period=0.004):
     return None
 
 
-@pytest.mark.parametrize(("noise", "offset"), [(2.0, 50.0), (0.5, 0.0)])
-@pytest.mark.parametrize("period", [slow(0.001), 0.004, 0.04])
-@pytest.mark.parametrize("loaded", [False, True])
+@pytest.mark.parametrize(
+    ("noise", "offset", "period", "loaded"),
+    [slow(2.0, 50.0, 0.001, True), (2.0, 50.0, 0.004, True), (0.5, 0.0, 0.004, False), (0.5, 0.0, 0.04, True)],
+)
 def test_frozen_bus_is_flagged(noise, offset, period, loaded):
     """One frame again and again is flagged within a second, and guarantees nothing; live frames before it are not."""
     rng = np.random.default_rng(4)
