@@ -40,6 +40,17 @@ def extension(tmp_path_factory):
         addon_utils.disable(name, default_set=True)
 
 
+@pytest.fixture(autouse=True)
+def few_samples(request, extension, monkeypatch):
+    """Errors are measured at few points, in the extension and in plain Python; other processes measure all."""
+    if "run" not in request.fixturenames:
+        for package in (f"{extension}.skin_calib_addon", "skin_calib_addon"):
+            report = importlib.import_module(f"{package}.geometry.fit.error_report")
+            monkeypatch.setattr(report, "MESH_POINTS", 500)
+            monkeypatch.setattr(report, "ROUNDS", 2)
+            monkeypatch.setattr(importlib.import_module(f"{package}.geometry.surface.distance"), "MIN_SAMPLES", 500)
+
+
 def modules(extension, *names):
     """Return modules of the running extension, each under the last part of its name below ``blender``."""
     found = {name: importlib.import_module(f"{extension}.skin_calib_addon.blender.{name}") for name in names}

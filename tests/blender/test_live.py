@@ -253,14 +253,13 @@ def test_undo_removes_the_preview(bpy, addon, updates, following, monkeypatch, s
     assert not link.skin_calib.result.outdated
 
 
-@pytest.mark.parametrize("change", OTHER.values(), ids=OTHER)
-@pytest.mark.parametrize("follow", [False, True])
-def test_other_mesh_modifier_or_place_outdates_the_result(bpy, updates, link, change, follow, monkeypatch):
+@pytest.mark.parametrize(("name", "follow"), [("mesh", False), ("modifier", True), ("place", False), ("place", True)])
+def test_other_mesh_modifier_or_place_outdates_the_result(bpy, updates, link, name, follow, monkeypatch):
     """This is for links with and without Live; edits without an effect do not count."""
     bpy.ops.skin_calib.fit()
     link = bpy.context.object
     link.skin_calib.live = follow
-    for act in (lambda link: None, change):
+    for act in (lambda link: None, OTHER[name]):
         rest(updates, monkeypatch)
         assert not link.skin_calib.result.outdated
         key = link.skin_calib.result.key

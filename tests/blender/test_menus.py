@@ -112,25 +112,16 @@ def test_zones_need_faces(bpy, plan_file):
 
 
 def test_toolbar_has_tools_for_planes_and_boards(bpy, extension):
-    """A click with a tool is the operator at the mouse; the tools leave with the extension."""
+    """They leave with the extension."""
     import addon_utils
     from bl_ui.space_toolsystem_common import ToolSelectPanelHelper
     from bl_ui.space_toolsystem_toolbar import VIEW3D_PT_tools_active
 
     def tools():
         listed = ToolSelectPanelHelper._tools_flatten(VIEW3D_PT_tools_active._tools["OBJECT"])
-        return {tool.idname: tool for tool in listed if tool is not None and tool.idname.startswith("skin_calib.")}
+        return {tool.idname for tool in listed if tool is not None and tool.idname.startswith("skin_calib.")}
 
-    found = tools()
-    assert set(found) == {"skin_calib.cut_tool", "skin_calib.planes_tool", "skin_calib.boards_tool"}
-    for tool, operator in (
-        ("cut_tool", "cut_place"),
-        ("planes_tool", "plane_place"),
-        ("planes_tool", "plane_take"),
-        ("boards_tool", "boards_paint"),
-    ):
-        assert "at_mouse" in getattr(bpy.ops.skin_calib, operator).get_rna_type().properties
-        assert found[f"skin_calib.{tool}"].label and found[f"skin_calib.{tool}"].description
+    assert tools() == {"skin_calib.cut_tool", "skin_calib.planes_tool", "skin_calib.boards_tool"}
     addon_utils.disable(extension)
     assert not tools()
     addon_utils.enable(extension)

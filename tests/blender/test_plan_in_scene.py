@@ -249,10 +249,9 @@ def test_warnings_of_a_fit_are_reported_and_kept(bpy, addon, plan_file, capfd):
     assert bpy.context.object.skin_calib.result.warnings[:] == []
 
 
-@pytest.mark.parametrize("turn", [0, 90, 200])
-def test_added_sheet_runs_along_the_lines_of_the_fitted_surface(bpy, addon, link, turn):
+def test_added_sheet_runs_along_the_lines_of_the_fitted_surface(bpy, addon, link):
     """A new sheet lies on any link: the usual direction is perpendicular to a link that is widest along y."""
-    link.rotation_euler[2] = np.deg2rad(turn)
+    link.rotation_euler[2] = np.deg2rad(200)
     link.skin_calib.skins.clear()
     bpy.ops.skin_calib.fit()
     bpy.ops.skin_calib.skin_add(kind="sheet")

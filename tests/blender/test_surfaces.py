@@ -159,20 +159,6 @@ def test_warnings_and_refusals_name_their_surface(bpy, two, extension):
     assert draw(bpy, "status")[0] == "The fit is refused"
 
 
-def test_panels_show_the_surfaces(bpy, two):
-    """A button for each surface, in the panel Cut and at each skin; a link with one surface has none."""
-    shown = draw(bpy, "cut")
-    assert shown[:5] == ["Show Surface", "Show Surface", "surface_name", "Add Surface", "Remove Surface"]
-    assert not draw(bpy, "skin").count("Surface")  # of several skins only the names are shown, until they are opened
-    for skin in bpy.context.object.skin_calib.skins:
-        skin.opened = True
-    assert draw(bpy, "skin").count("Surface") == 2 * 3  # a label and two buttons for each skin
-    bpy.ops.skin_calib.skin_surface(skin=1, name="all")
-    bpy.ops.skin_calib.surface_show(index=1)
-    bpy.ops.skin_calib.surface_remove()
-    assert draw(bpy, "cut")[0] == "Add Surface" and "Surface" not in draw(bpy, "skin")
-
-
 def test_boundary_is_kept_in_the_scene(bpy, plan_file, fit_plainly, fit_scene, document):
     """Its numbers are exact; planes by hand would lose it, and are refused until it is removed."""
     loop = [[0.04, -0.011111111111, 0.04], [0.04, 0.02, 0.04], [0.04, 0.02, 0.08], [0.04, -0.01, 0.08]]

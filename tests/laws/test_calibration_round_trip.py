@@ -22,7 +22,6 @@ from skin_calib_addon.calibration import (
     validate,
 )
 from skin_calib_addon.calibration.modality import UNITS
-from skin_calib_addon.calibration.validate import SCHEMA
 from skin_calib_addon.common.encoding import checksum
 from skin_calib_addon.common.errors import CalibrationFormatError
 from skin_calib_addon.common.findings import child
@@ -212,35 +211,6 @@ def test_any_changed_structure_is_handled(changes):
     if isinstance(document, dict) and "checksum" in document:
         document["checksum"] = checksum(document)
     assert_handled(document)
-
-
-def chosen(error):
-    """Return the errors of the matching branch of a choice, or those that prevent a match."""
-    if error.validator != "oneOf":
-        return [error]
-    branches = {}
-    for inner in error.context:
-        branches.setdefault(inner.schema_path[0], []).append(inner)
-    blind = {
-        branch: [e for e in errors if e.validator == "type" and e.absolute_path == error.absolute_path]
-        + [e for e in errors if e.absolute_path[-1] == "kind" or "'kind' is a required" in e.message]
-        for branch, errors in branches.items()
-    }
-    return next((errors for branch, errors in branches.items() if not blind[branch]), blind[0])
-
-
-@given(changes=mutations)
-@examples(200)
-def test_schema_check_agrees_with_the_reference(changes):
-    """The checker and the jsonschema package accept the same documents, and find errors in the same members."""
-    jsonschema = pytest.importorskip("jsonschema")
-    document = mutated_often(changes)
-    errors = [e for root in jsonschema.Draft202012Validator(SCHEMA).iter_errors(document) for e in chosen(root)]
-    ours = check(document, SCHEMA)
-    assert {finding.pointer for finding in ours if finding.code != "unknown"} == {
-        child("", *error.absolute_path) for error in errors if error.validator != "additionalProperties"
-    }
-    assert bool(ours) == bool(errors)
 
 
 GENERAL = {  # all keywords of the checker in a small schema

@@ -212,24 +212,3 @@ def test_masked_numbers_of_a_batch_are_unknown(make):
     assert (ours.contact_counts[[0, 40]] == -1).all()
     with pytest.raises(InvalidReading, match="real numbers"):
         skin.batch(mask, times)
-
-
-@pytest.mark.parametrize("make", [two_feet, with_noise])
-def test_environments_of_a_simulator_do_not_depend_on_each_other(make):
-    """Thousands of environments (E, n): the result of each is that of a reading alone, in any order."""
-    skin, rng = make(), np.random.default_rng(6)
-    readings = np.zeros((4000, skin.reading_length))
-    readings[:, skin.channels] = (
-        60 * rng.random((4000, 1)) * (rng.random((4000, len(skin.ids))) < rng.random((4000, 1)))
-    )
-    together = skin.batch(readings)
-    order = rng.permutation(len(readings))
-    permuted = skin.batch(readings[order])
-    for name in ("forces", "known", "active", "contact_counts", "wrench", "load", "stands", "cop", "zmp"):
-        assert_allclose(getattr(permuted, name), getattr(together, name)[order], rtol=1e-12, atol=1e-12)
-    for e in rng.integers(0, len(readings), 20):
-        frame = copy.deepcopy(skin).update(readings[e], 0.0)
-        assert together.contact_counts[e] == len(frame.contacts) and together.stands[e] == frame.stands
-        assert_allclose(together.wrench[e], frame.wrench, rtol=1e-12, atol=1e-12)
-        if frame.cop is not None and frame.zmp is not None:
-            assert_allclose((together.cop[e], together.zmp[e]), (frame.cop, frame.zmp), rtol=1e-12, atol=1e-12)

@@ -564,20 +564,6 @@ def test_full_scale_without_a_range_is_stuck(noise):
     assert frame.stuck.nonzero()[0].tolist() == [1]
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("noise", [2.0, 0.5])
-@pytest.mark.parametrize("offset", [0.0, 50.0])
-def test_live_readings_are_not_called_lies(noise, offset):
-    """10 000 frames with noise, in the air and loaded, after a short rest and a long one."""
-    rng = np.random.default_rng(10)
-    for frames in (25, 250):
-        skin = rested(rng, noise, offset, frames)
-        for k in range(100):
-            for i, reading in enumerate(read(rng, half_pressed(rng)[0] if k % 2 else FREE, noise, 50, offset)):
-                flags = skin.update(reading, 10 + 0.004 * (50 * k + i)).flags
-                assert flags.isdisjoint({"frozen", "below_rest", "stuck", "byte_order"})
-
-
 def arrays_in(record):
     """Yield the arrays of a record: of its fields, its properties, and of records and tuples in them."""
     for name in {n for n in (*vars(record), *dir(type(record))) if n[0] != "_"} - {"scratch"}:
