@@ -127,11 +127,11 @@ def may_import(shown, name):
     return name.startswith(OURS) and any(inner == a or (a and inner.startswith(a + ".")) for a in allowed)
 
 
-def room_of(name):
+def subpackage_of(name):
     """Package of a module, and the place of its subpackage in ``ORDER``; -1 without one."""
     package, *inner = name.removeprefix(f"{OURS}.").split(".")
-    rooms = ORDER.get(package, ())
-    return package, rooms.index(inner[0]) if inner and inner[0] in rooms else -1
+    inside = ORDER.get(package, ())
+    return package, inside.index(inner[0]) if inner and inner[0] in inside else -1
 
 
 def absolute_offenders(root):
@@ -142,10 +142,10 @@ def absolute_offenders(root):
 def layer_offenders(root):
     """Imports against the layers, and of a later subpackage of the same package by an earlier one."""
     for path, shown in sources(root):
-        package, place = room_of(shown.removesuffix(".py").replace("/", "."))
+        package, place = subpackage_of(shown.removesuffix(".py").replace("/", "."))
         for i in imports(root, path):
             if is_ours(i.name):
-                other, other_place = room_of(i.name)
+                other, other_place = subpackage_of(i.name)
                 if not may_import(shown, i.name) or (package == other and 0 <= place < other_place):
                     yield i
 
