@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration import Response, ResponseTable
 from skin_calib_addon.runtime import Skin, convex_hull
-from skin_calib_addon.runtime.noise import joint_quantile
+from skin_calib_addon.runtime.noise import joint_quantile, student
 from tests.examples import slow
 from tests.samples import plane, sheet, small_calibration
 from tests.soles import counting_sole as sole
@@ -334,6 +334,16 @@ def test_limb_without_ground_has_contacts_by_noise():
     press[17] = 10.0
     frame = skin.update(read(rng, press)[0], 0.01)
     assert [c.taxels.tolist() for c in frame.contacts] == [[17]] and frame.wrench_sigma.shape == (6,)
+
+
+def test_students_quantiles():
+    """The expansion agrees with SciPy to a percent at the thresholds in use."""
+    from scipy.stats import norm, t
+
+    freedom = np.array([20.0, 60.0, 250.0])
+    for probability in (3e-4, 1e-5):
+        expected = t.isf(probability, freedom)
+        assert_allclose(student(float(norm.isf(probability)), freedom), expected, rtol=0.015)
 
 
 def test_level_that_two_correlated_variables_exceed():
