@@ -520,6 +520,12 @@ def test_frozen_bus_is_flagged(noise, offset, period, loaded):
     assert "frozen" not in skin.update(read(rng, FREE, noise, 1, offset)[0], 12 + period * len(live)).flags
 
 
+def test_frames_that_are_equal_by_chance_are_not_frozen():
+    """With little noise most frames repeat the one before: the time to the flag follows from that probability."""
+    rng = np.random.default_rng(23)
+    assert first_flag(rested(rng, 0.22), read(rng, FREE, 0.22, 300), "frozen", 0.04) is None
+
+
 @pytest.mark.parametrize("offset", [0.0, 50.0])
 def test_zeros_everywhere_are_flagged(offset):
     """A dead board sends zeros: below a rest with an offset, frozen where the rest is at zero."""
