@@ -219,7 +219,7 @@ class Noise:
 
 
 def _smooth(step: Array) -> Array:
-    """Return the smooth step of numbers: 0 up to 0, 1 from 1 on. The numbers are overwritten."""
+    """Return the smooth step of numbers (...): 0 up to 0, 1 from 1 on. The numbers are overwritten."""
     np.maximum(step, 0.0, out=step)
     np.minimum(step, 1.0, out=step)
     square = step * step

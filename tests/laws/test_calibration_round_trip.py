@@ -308,15 +308,6 @@ def test_any_changed_bytes_are_handled(changes, tmp_path_factory):
         assert same(load_calibration(path), from_document(document))
 
 
-@given(data=st.binary(max_size=200))
-@examples(300)
-def test_random_bytes_are_handled(data):
-    """Random bytes give findings."""
-    document, findings = check_bytes(data)
-    assert any(finding.severity == "error" for finding in findings)
-    assert all("\n" not in str(finding) for finding in findings)
-
-
 @given(document=st.recursive(scalars | floats, lambda inner: st.lists(inner) | st.dictionaries(names, inner)))
 def test_parse_agrees_with_the_standard_library(document):
     """Valid JSON gives the result of the standard library."""

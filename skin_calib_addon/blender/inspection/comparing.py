@@ -59,7 +59,7 @@ def _keep(
     places: Array,
     layers: tuple[Layer, ...],
 ) -> None:
-    """Write what was compared to a group of properties, and draw it as long as the fit is the same."""
+    """Keep what was compared, and draw it as long as the fit is the same; ``places`` name the drawing."""
     record, key = getattr(link.skin_calib.inspect, name), link.skin_calib.result.key
     record.file, record.key, record.remarks = path, key, "\n".join(lines)
     write_warnings(record.warnings, warnings)
