@@ -10,11 +10,8 @@ from skin_calib_addon.calibration import Response, ResponseTable, TaxelArray
 from skin_calib_addon.common.errors import InvalidReading
 from skin_calib_addon.runtime import Skin
 from skin_calib_addon.runtime import batch as batch_module
-from skin_calib_addon.runtime.components import component_counts
-from skin_calib_addon.runtime.geometry import neighbour_table
 from skin_calib_addon.runtime.touched import states, switched
 from tests.examples import slow
-from tests.oracles import components as flood_fill
 from tests.samples import cylinder, small_calibration
 from tests.soles import counting_sole, skin_of, sole_patch
 
@@ -156,17 +153,6 @@ def test_states_of_many_frames_are_those_of_one_after_another():
         state = before = rng.random(50) < 0.5
         expected = [state := switched(*row, state) for row in zip(on, stays)]
         assert_array_equal(states(on, stays, before), expected)
-
-
-def test_counts_equal_a_flood_fill():
-    """Connected components of random sets of a random graph are those of a flood fill."""
-    rng, n = np.random.default_rng(0), 60
-    pairs = np.unique(np.sort(rng.integers(0, n, (80, 2)), axis=1), axis=0)
-    pairs = pairs[pairs[:, 0] < pairs[:, 1]]
-    active = rng.random((200, n)) < rng.random((200, 1))
-    near = [[*pairs[pairs[:, 0] == i, 1], *pairs[pairs[:, 1] == i, 0]] for i in range(n)]
-    counts = component_counts(active, neighbour_table(pairs, n))
-    assert_array_equal(counts, [len(flood_fill(row, near)) for row in active])
 
 
 def test_types_and_sizes():

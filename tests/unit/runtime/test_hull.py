@@ -3,7 +3,6 @@
 from fractions import Fraction
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -86,13 +85,6 @@ def test_corners_that_differ_in_the_last_bit_keep_the_area():
     table = HullTable(points)
     corners = table.hull(np.arange(len(points)))
     assert corners == [tuple(np.rint(corner / table.step).astype(int)) for corner in square]
-
-
-@pytest.mark.parametrize("shape", [(0, 2), (0, 6, 2), (5, 2), (5, 6, 2)])
-def test_no_rows_have_no_hull(shape):
-    """A foot in the air, with or without cells, has no corners."""
-    table = HullTable(np.ones(shape))
-    assert table.size == shape[0] and table.hull(np.empty(0, np.int64)) == []
 
 
 def test_hull_is_exact_for_a_turn_of_one_step():
