@@ -125,7 +125,7 @@ def test_steps_are_undone_and_redone_one_by_one(bpy, addon, link):
 
     def state():
         plan = bpy.context.scene.objects["arm"].skin_calib
-        drawn = bool(addon.drawing._prepared.get(plan.result.key))
+        drawn = addon.drawing.layers_now(bpy.context.scene.objects["arm"]) is not None
         points = [len(entries) for s in plan.skins for entries in (s.landmarks, s.excluded)]
         return len(plan.skins), len(plan.cover.cuts), sum(points), plan.result.taxels, plan.result.outdated, drawn
 

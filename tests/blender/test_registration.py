@@ -37,7 +37,8 @@ def test_extension_leaves_nothing_behind(bpy, addon, extension):
     for _ in range(2):
         addon_utils.disable(extension)
         assert not any(traces(bpy).values())
-        assert not addon.drawing._handles and not addon.drawing._prepared and not addon.command._commands
+        assert not addon.drawing._handles and not addon.command._commands
+        assert not addon.drawing.layers_for.cache_info().currsize
         assert not addon.results._results
         addon_utils.enable(extension)
         assert traces(bpy) == enabled

@@ -83,9 +83,7 @@ def test_both_surfaces_are_fitted_and_drawn(bpy, addon, two):
     )
     points = [fit.offsets.size for fit in result.fits.values()]
     assert link.skin_calib.result.control_points == sum(points)
-    layers = {
-        layer.what: layer for layer in addon.drawing._prepared[link.skin_calib.result.key].shown({"ERROR", "NET"})
-    }
+    layers = {layer.what: layer for layer in addon.drawing.layers_now(link).shown({"ERROR", "NET"})}
     assert layers["ERROR"].indices.max() == len(layers["ERROR"].points) - 1
     assert len(layers["ERROR"].points) == len(layers["ERROR"].colours)
 
