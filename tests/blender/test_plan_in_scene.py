@@ -53,7 +53,7 @@ CHANGES = {
 
 
 UNITS = [("m", 1.0), ("mm", 1.0), ("m", 0.001), ("mm", 0.001)]  # of the plan, and of the scene [m]
-QUICK = {"planes", "cut", "landmarks"}  # in the quick tests
+QUICK = {"planes", "cut"}  # in the quick tests
 
 
 @pytest.mark.parametrize(

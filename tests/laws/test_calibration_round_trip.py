@@ -181,10 +181,10 @@ def assert_handled(document):
 CHANGED = [..., None, True, -1, 1.5, 1e308, "1.5", "s0.0", [], {}, [[0.0, 0.0, 0.0]]]
 
 
-@pytest.mark.parametrize("part", [0, slow(1), slow(2)])
+@pytest.mark.parametrize("part", [0, *map(slow, range(1, 5))])
 def test_any_changed_node_is_handled(part):
     """Each node is removed or replaced once; each change applies to another part of the nodes."""
-    for k, pointer in list(enumerate(NODES))[part::3]:
+    for k, pointer in list(enumerate(NODES))[part::5]:
         document = mutated(SMALL, pointer, CHANGED[k % len(CHANGED)])
         if isinstance(document, dict) and "checksum" in document and pointer != "/checksum":
             document["checksum"] = checksum(document)

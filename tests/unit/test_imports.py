@@ -89,8 +89,14 @@ def tree_of(text):
     return list(ast.walk(ast.parse(text)))
 
 
+@cache
 def imports(root, path):
     """All imports of a file, also those inside functions and under ``TYPE_CHECKING``."""
+    return tuple(found_imports(root, path))
+
+
+def found_imports(root, path):
+    """Find them one by one."""
     shown = path.relative_to(root)
     package = shown.with_suffix("").parts[:-1]
     for node in tree_of(path.read_text("utf-8")):
@@ -269,9 +275,7 @@ def test_a_circle_is_found(tmp_path):
     ("statement", "absent"),
     [
         ("import skin_calib_addon", "numpy scipy trimesh matplotlib bpy"),
-        ("import skin_calib_addon.runtime", "scipy trimesh matplotlib bpy"),
         ("from skin_calib_addon.runtime import load; load(PATH)", "scipy trimesh matplotlib bpy"),
-        ("import skin_calib_addon.calibration", "scipy trimesh matplotlib bpy"),
         ("from skin_calib_addon.cli import build_parser; build_parser(())", "numpy matplotlib bpy"),
         ("from skin_calib_addon.cli import build_parser; build_parser(['check'])", "scipy trimesh matplotlib bpy"),
         ("import skin_calib_addon.commands.fit", "scipy.optimize scipy.interpolate trimesh matplotlib bpy"),

@@ -108,7 +108,7 @@ def test_events_and_full_readings_mix():
     """Each continues from the other; tare, masked taxels, lost numbers and times that are wrong included."""
     rng = np.random.default_rng(3)
     full, events = (Skin(SKINS["both"]) for _ in range(2))
-    rows, times = pushes(200, rng)
+    rows, times = pushes(150, rng)
     now = rows[0].astype(float)
     for k, (row, time) in enumerate(zip(rows, times)):
         if k % 50 == 20:
