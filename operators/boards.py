@@ -45,7 +45,7 @@ class SKIN_OT_boards_paint(Followed, Picking, OnSkin, Operator):
         """Return the skin and its boards of the last fit."""
         plan = context.object.skin_calib
         skin, patches = skins.of_kind(plan, self.skin, "hexagons", "boards"), drawing.patches_of(context.object)
-        if len(patches) != len(plan.skins) or patches[self.skin].kind != "hexagons":
+        if not patches or patches[self.skin].kind != "hexagons":
             raise SkinCalibError("Fit the link first, to see its boards.")
         return skin, patches[self.skin].taxels
 

@@ -61,7 +61,7 @@ class SKIN_OT_compare(LooksAtFile, Operator):
     filter_glob: bpy.props.StringProperty(default=";".join(f"*{e}" for e in comparing.ENDINGS), options={"HIDDEN"})
 
     def look(self, context, path):
-        found = comparing.compare_with(context.object, path, context.scene)
+        found = comparing.compare_with(context.object, path)
         return f"{len(found.ours)} taxels paired, {1e3 * found.distances.mean():.4f} mm apart on average"
 
 

@@ -25,7 +25,7 @@ class OneTaxel(Followed):
     def single(self, context, plan, taxel):
         """Return what the plan has about a taxel of the last result; boards are listed first."""
         drawn = drawing.layers_now(context.object)
-        if drawn is None or len(drawn.patches) != len(plan.skins):
+        if drawn is None or not drawing.patches_of(context.object):
             raise SkinCalibError("Fit the link first, to see its taxels.")
         for skin, patch, disabled in zip(plan.skins, drawn.patches, drawn.disabled_patches):
             if taxel in patch.taxels.ids or disabled and taxel in disabled.taxels.ids:
@@ -107,8 +107,8 @@ class SKIN_OT_taxel_channel(OneTaxel, Operator):
 
 def channels_of(link):
     """Return the channels of the enabled taxels by their ids, as the plan has them now."""
-    drawn, found = drawing.layers_now(link), {}
-    for skin, patch in zip(link.skin_calib.skins, drawn.patches if drawn else ()):
+    found = {}
+    for skin, patch in zip(link.skin_calib.skins, drawing.patches_of(link)):
         own = {single.taxel: single for single in skin.taxels}
         for id, channel in zip(patch.taxels.ids, patch.taxels.channels.tolist()):
             single = own.get(short_id(patch, id))

@@ -55,7 +55,7 @@ class SKIN_OT_zones_from_faces(OnSkin, Edit, Operator):
     def disable(self, link, skin, triangles):
         """Disable the taxels of the last fit whose cells are over faces."""
         patches = drawing.patches_of(link)
-        if len(patches) != len(link.skin_calib.skins):
+        if not patches:
             raise SkinCalibError("Fit the link first, to see its taxels.")
         patch = patches[self.skin]
         is_old = drawing.is_of_last_fit(link)

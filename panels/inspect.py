@@ -82,18 +82,7 @@ class SKIN_PT_inspect_compare(InspectPanel, bpy.types.Panel):
     bl_parent_id = "SKIN_PT_inspect"
 
     def draw_plan(self, layout, plan):
-        found = plan.inspect.comparison
-        if not draw_file(layout, found, plan, "compare"):
-            return
-        for line in found.remarks.splitlines():
-            show_text(layout, line, "ERROR")
-        column = layout.column(align=True)
-        column.enabled = False
-        for name in ("pairs", "by", "mean", "max", "worst"):
-            field(column, found, shown(found, name))
-        if found.has_angles:
-            field(column, found, "mean_angle")
-            field(column, found, "max_angle")
+        draw_comparison(layout, plan.inspect.comparison, plan, "compare")
 
 
 class SKIN_PT_inspect_touches(InspectPanel, bpy.types.Panel):
@@ -101,27 +90,25 @@ class SKIN_PT_inspect_touches(InspectPanel, bpy.types.Panel):
     bl_parent_id = "SKIN_PT_inspect"
 
     def draw_plan(self, layout, plan):
-        found = plan.inspect.touches
-        if not draw_file(layout, found, plan, "touches"):
-            return
-        for warning in found.warnings:
-            show_warning(layout, warning)
-        for line in found.remarks.splitlines():
-            show_text(layout, line, "DOT")
-        button(layout, "touches_move")
+        draw_comparison(layout, plan.inspect.touches, plan, "touches")
+        if plan.inspect.touches.file:
+            button(layout, "touches_move")
 
 
-def draw_file(layout, found, plan, operator):
-    """The buttons that compare with a file and end that, and which file it was; whether there is one."""
+def draw_comparison(layout, found, plan, operator):
+    """Draw the buttons that compare with a file and end that, which file it was, and what was found."""
     row = layout.row(align=True)
     button(row, operator, space=ICON_WIDTH)
     if not found.file:
-        return False
+        return
     symbol(row, f"{operator}_end")
     if found.key != plan.result.key:
         show_text(layout, "Of another fit: compare again", "INFO")
     show_text(layout, comparing.name_of(found.file), "FILE")
-    return True
+    for warning in found.warnings:
+        show_warning(layout, warning)
+    for line in found.remarks.splitlines():
+        show_text(layout, line, "DOT")
 
 
 class SKIN_PT_inspect_replay(InspectPanel, bpy.types.Panel):

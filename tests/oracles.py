@@ -99,29 +99,6 @@ def cast_on_mesh(origin, direction, triangles):
     return furthest
 
 
-def leaves_mesh(points, directions, triangles):
-    """Return whether the ray from each point along each direction meets no triangle, shape (points, directions).
-
-    Seen along the direction, it meets a triangle that the point is in, and whose plane it is behind.
-    """
-    free = np.ones((len(points), len(directions)), bool)
-    for j, direction in enumerate(directions):
-        plane = np.linalg.svd(direction[None])[2][1:].T  # two axes perpendicular to the direction
-        flat, p = triangles @ plane, points @ plane
-        sides = []
-        for k in range(3):
-            a, b = flat[:, k], flat[:, (k + 1) % 3]
-            sides.append((b - a)[:, 0] * (p[:, None, 1] - a[:, 1]) - (b - a)[:, 1] * (p[:, None, 0] - a[:, 0]))
-        inside = np.all([s >= 0 for s in sides], axis=0) | np.all([s <= 0 for s in sides], axis=0)
-        row, face = np.nonzero(inside)
-        corners = triangles[face]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        slope = normals @ direction
-        ahead = np.einsum("kc,kc->k", corners[:, 0] - points[row], normals) * np.sign(slope) > 0
-        free[row[ahead & (slope != 0)], j] = False
-    return free
-
-
 def nearest_on_segment(point, start, stop):
     """Return the nearest point of a segment, whose length may be zero."""
     along = stop - start

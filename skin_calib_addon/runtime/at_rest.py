@@ -112,7 +112,7 @@ class AtRest:
 
 
 def _step(rows: Array, is_whole: bool) -> float | None:
-    """Return the step of a converter: 1, or the smallest difference of two readings; None if they never differ."""
+    """Return the step of a converter: 1, or the least difference of readings (frames, n); None if they never differ."""
     if is_whole:
         return 1.0
     values = np.unique(rows)

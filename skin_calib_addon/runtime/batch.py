@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
-from .clock import JUMP_TIME, Clock
+from .clock import JUMP_TIME, NO_PAST, Clock
 from .components import component_counts
 from .frame import cop_of, is_standing, zmp_of
-from .geometry import GroundGeometry, SkinGeometry, Terms
+from .geometry import SkinGeometry
 from .modalities import ModalityValues
 from .touched import Evidence, states
 
@@ -41,59 +41,51 @@ class Batch:
     modalities: Mapping[str, ModalityValues] = field(default_factory=dict)  # those that were passed, with arrays (T, n)
 
 
-@dataclass(frozen=True, eq=False)
-class Processor:
-    """What the rows of a batch have in common."""
+def batch_of(
+    rows: Array,
+    times: Array | None,
+    readings: "Readings",
+    skin: SkinGeometry,
+    evidence_of: Callable[[Array | None, Array, BoolArray], Evidence],
+    sums_of: Callable[[Array, BoolArray], Array],
+) -> Batch:
+    """Return the results of readings (T, n) of the taxels.
 
-    readings: "Readings"
-    skin: SkinGeometry
-    ground: GroundGeometry | None
-    evidence: Callable[[Array | None, Array, BoolArray], Evidence]  # of signed readings, forces [N], known forces
-    terms: Terms  # of the sums at partial contact
+    ``evidence_of`` is called with signed readings, forces [N] and which of them are known, ``sums_of`` with the parts
+    of the sums [N] and the active taxels, all (T, n).
+    """
+    count, n = rows.shape
+    is_log = times is not None and readings.noise is not None
+    if times is not None and is_log:
+        valid = np.isfinite(readings.valid(rows))
+        rows = readings.followed(rows, times, valid, _fresh(times, valid.any(axis=1)))
 
-    def batch(self, rows: Array, times: Array | None) -> Batch:
-        """Return the results of readings (T, n) of the taxels."""
-        count, n = rows.shape
-        readings, is_log = self.readings, times is not None and self.readings.noise is not None
-        if times is not None and is_log:
-            valid = np.isfinite(readings.valid(rows))
-            rows = readings.followed(rows, times, valid, _fresh(times, valid.any(axis=1)))
+    def corrected(block: slice) -> Array:
+        found = rows[block].astype(float)
+        return found if is_log else readings.corrected(found)
 
-        def corrected(block: slice) -> Array:
-            found = rows[block].astype(float)
-            return found if is_log else readings.corrected(found)
-
-        forces, known, active = np.zeros((count, n)), np.zeros((count, n), bool), np.zeros((count, n), bool)
-        for block in _blocks(count, n):
-            forces[block], known[block] = readings.forces(corrected(block))
-        valid = known.any(axis=1) | (n == 0)
-        fresh = None if times is None else _fresh(times, valid)
-        before, sums, stands = np.zeros(n, bool), np.empty((count, 12)), np.zeros(count, bool)
-        for block in _blocks(count, n):
-            evidence = self.evidence(readings.signed(corrected(block)), forces[block], known[block])
-            state = evidence.on
-            if fresh is not None:
-                evidence.stays[fresh[block]] = False
-                state = states(state, evidence.stays, before)
-                before = state[-1]
-            active[block] = state & known[block]
-            pushes = active[block] * forces[block] if evidence.pushes is None else evidence.pushes
-            sums[block] = self._sums(pushes, active[block])
-            stands[block] = valid[block] & is_standing(sums[block, 6], evidence.has_load)
-        counts = np.where(valid, component_counts(active, self.skin.neighbours), -1)
-        wrench, load = (np.where(valid[:, None], sums, np.nan)[:, columns] for columns in (slice(6), 6))
-        cop = cop_of(np.where(stands[:, None], sums, np.nan))
-        zmp = zmp_of(np.where(stands[:, None] & (sums[:, 9:10] > 0), sums, np.nan))
-        return Batch(forces, known, active, counts, wrench, load, stands, cop, zmp)
-
-    def _sums(self, pushes: Array, active: BoolArray) -> Array:
-        """Return the wrench and the sums of :attr:`.GroundGeometry.terms`, (T, 12)."""
-        ground, sums = self.ground, pushes @ self.terms.sums.T
-        if ground is not None:
-            full = ground.is_full(active)
-            if full.any():
-                sums[full] = pushes[full] @ ground.full_contact.sums.T
-        return sums
+    forces, known, active = np.zeros((count, n)), np.zeros((count, n), bool), np.zeros((count, n), bool)
+    for block in _blocks(count, n):
+        forces[block], known[block] = readings.forces(corrected(block))
+    valid = known.any(axis=1) | (n == 0)
+    fresh = None if times is None else _fresh(times, valid)
+    before, sums, stands = np.zeros(n, bool), np.empty((count, 12)), np.zeros(count, bool)
+    for block in _blocks(count, n):
+        evidence = evidence_of(readings.signed(corrected(block)), forces[block], known[block])
+        state = evidence.on
+        if fresh is not None:
+            evidence.stays[fresh[block]] = False
+            state = states(state, evidence.stays, before)
+            before = state[-1]
+        active[block] = state & known[block]
+        pushes = active[block] * forces[block] if evidence.pushes is None else evidence.pushes
+        sums[block] = sums_of(pushes, active[block])
+        stands[block] = valid[block] & is_standing(sums[block, 6], evidence.has_load)
+    counts = np.where(valid, component_counts(active, skin.neighbours), -1)
+    wrench, load = (np.where(valid[:, None], sums, np.nan)[:, columns] for columns in (slice(6), 6))
+    cop = cop_of(np.where(stands[:, None], sums, np.nan))
+    zmp = zmp_of(np.where(stands[:, None] & (sums[:, 9:10] > 0), sums, np.nan))
+    return Batch(forces, known, active, counts, wrench, load, stands, cop, zmp)
 
 
 def _blocks(count: int, n: int) -> Iterator[slice]:
@@ -111,6 +103,6 @@ def _fresh(times: Array, valid: BoolArray) -> BoolArray:
     clock = Clock()
     for k in valid.nonzero()[0].tolist():
         time = float(times[k])
-        fresh[k] = not clock.flags(time).isdisjoint({"time_back", "time_jump"})
+        fresh[k] = not clock.flags(time).isdisjoint(NO_PAST)
         clock.accept(time)
     return fresh

@@ -46,7 +46,7 @@ class ByteOrder:
             self._has_low_bytes = bool((np.nan_to_num(rows) % 256 != 0).any())
 
     def is_wrong(self, intensities: Array, time: float) -> bool:
-        """Return whether the bytes of the last readings are in the wrong order."""
+        """Return whether the bytes of the last readings (n,) are in the wrong order."""
         if not 0 <= time - self._time < LOOK_PERIOD:
             self._look(intensities)
             self._time = time
@@ -54,7 +54,7 @@ class ByteOrder:
         return wrong >= MIN_COUNT and wrong >= MIN_FRACTION * decided and wrong >= MIN_DECIDED * self._all
 
     def _look(self, intensities: Array) -> None:
-        """Count the changes since the last look that are smooth in one order and wild in the other."""
+        """Count the changes of readings (n,) since the last look that are smooth in one order and wild in the other."""
         before, self._before = self._before, intensities
         if before is None:
             return

@@ -9,6 +9,8 @@ DROPPED_PERIODS = 1.75
 JUMP_TIME = 1.0
 # [periods] As JUMP_TIME, for slow clocks.
 JUMP_PERIODS = 50.0
+# Flags of frames about which the frame before says nothing.
+NO_PAST = frozenset({"time_back", "time_jump"})
 
 
 class Clock:

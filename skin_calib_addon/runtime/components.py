@@ -72,5 +72,5 @@ def component_counts(active: BoolArray, neighbours: IntArray) -> IntArray:
 
 
 def _lowest(label: IntArray, adjacent: IntArray) -> IntArray:
-    """Return the lowest label of the neighbours of each active taxel; the highest label if it has none."""
+    """Return the lowest label (a,) of the neighbours (k, a) of active taxels; the highest label if it has none."""
     return np.minimum.reduce(label.take(adjacent), axis=0, initial=len(label) - 1)

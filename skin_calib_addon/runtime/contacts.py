@@ -142,7 +142,7 @@ def _span(index: IntArray, period: int) -> tuple[int, int]:
 
 
 def contacts_of(footprint: Footprint, forces: Array, numbers: list[int], terms: Terms) -> tuple[Contact, ...]:
-    """Return the contacts of a frame, in the order of their first taxels."""
+    """Return the contacts of a frame with forces (n,) [N], in the order of their first taxels."""
     if not numbers:
         return ()
     rows, bounds = footprint.ordered

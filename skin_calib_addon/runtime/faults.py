@@ -51,7 +51,7 @@ class Faults:
         return raw == self._last
 
     def accept(self, raw: Array, unchanged: BoolArray, time: float) -> None:
-        """Store the readings and when each of them last changed. After a step back in time, count from this time."""
+        """Store readings (n,) and when each of them last changed; after a step back in time, from this time on [s]."""
         if not math.isfinite(time):
             return
         if time < self._time:

@@ -95,7 +95,7 @@ def _padded(groups: list[Array]) -> Array:
 
 
 def neighbour_table(pairs: IntArray, n: int) -> IntArray:
-    """Return the neighbours of each taxel as a table."""
+    """Return the neighbours of each taxel as a table (k, n) of rows, of pairs (e, 2); ``n`` stands for none."""
     ends = np.concatenate((pairs, pairs[:, ::-1]))
     ends = ends[np.argsort(ends[:, 0], kind="stable")]
     counts = np.bincount(ends[:, 0], minlength=n)
@@ -182,7 +182,7 @@ class GroundGeometry:
         return full
 
     def _moved(self, skin: SkinGeometry, pushes: Array, lift: Array, shift: Array) -> "Terms":
-        """Return the terms if each force acts away from the centre of its cell."""
+        """Return the terms if each force acts away from the centre of its cell, by a shift (n, 2) [m]."""
         moments = np.cross(np.column_stack((shift, np.zeros(len(shift)))), pushes)
         ground, link = self.terms.copy(), skin.terms.copy()
         ground[:, 1:3] += lift * shift

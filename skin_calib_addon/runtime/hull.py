@@ -45,7 +45,7 @@ class HullTable:
         return len(self._rank)
 
     def hull(self, rows: IntArray) -> list[GridPoint]:
-        """Return the corners of the hull of the points of some rows, in grid steps, counter-clockwise from the left.
+        """Return the corners of the hull of the points of rows (k,), in grid steps, counter-clockwise from the left.
 
         No three neighbouring corners are on a line. Equal points give one corner, points on a line two, no rows none.
         """

@@ -49,7 +49,7 @@ class Identities:
         self._last, self._numbers = None, []
 
     def _inherit(self, numbers: list[int | None], owners: IntArray, groups: IntArray) -> None:
-        """Give each group without a number that of the last contact with the most ``owners`` in it."""
+        """Give each group (a,) without a number that of the last contact with the most ``owners`` (a,) in it."""
         count = len(numbers)
         overlaps = np.bincount((owners - NO_CONTACT) * count + groups)[count:]  # without those of no contact
         pairs = [(-int(overlaps[k]), self._numbers[k // count], k % count) for k in overlaps.nonzero()[0].tolist()]

@@ -47,7 +47,7 @@ class Converter:
         self._largest = float(modality.response.values(np.array(self._ends)).max())
 
     def values(self, given: Any, alive: BoolArray, dimensions: int) -> ModalityValues:
-        """Return the values of all taxels."""
+        """Return the values of all taxels; those of a taxel (n,) that is not alive are unknown."""
         what = f"reading of {self._name}"
         readings = taxel_readings(given, (dimensions,), self._channels, self._length, what, self._link)[0].astype(float)
         if self._rows is not None:

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from statistics import NormalDist
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -62,9 +62,6 @@ MAX_REPEAT_PROBABILITY = 1e-8
 # [distances from rest to surely touched] Depth of a reading below rest from which on it is a fault. Larger: a fault is
 # found only if it is deeper; smaller: tails of the noise are reported.
 BELOW_REST = 2.0
-
-
-Ratio = TypeVar("Ratio", float, Array)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,10 +141,11 @@ class Noise:
         """
         weights = self.steps(signed)
         clear = self.clear(weights, signed)
-        few = excess > (1 + HIDDEN_LOAD[0]) * clear
+        start, full = HIDDEN_LOAD
+        few = excess > (1 + start) * clear
         if some(few):
             with np.errstate(divide="ignore", invalid="ignore"):
-                hidden = np.minimum(hidden_weight(excess[few] / clear[few]), 1.0)
+                hidden = np.minimum((excess[few] / clear[few] - 1 - start) / (full - start), 1.0)
             hidden = np.where(clear[few] > 0, hidden, 1.0)
             weights[few] += hidden[:, None] * (1 - weights[few])
             forces = forces.copy()
@@ -221,7 +219,7 @@ class Noise:
 
 
 def _smooth(step: Array) -> Array:
-    """Return the smooth step of numbers: 0 up to 0, 1 from 1 on. The numbers are overwritten."""
+    """Return the smooth step of numbers (...): 0 up to 0, 1 from 1 on. The numbers are overwritten."""
     np.maximum(step, 0.0, out=step)
     np.minimum(step, 1.0, out=step)
     square = step * step
@@ -359,18 +357,6 @@ def _below_clip(rest: AtRest, slopes: Array) -> Array:
     low, free = rest.rows.min(axis=0), rest.rows.mean(axis=0)
     hidden = low - rest.mean - (free - rest.mean) / (rest.rows == low).mean(axis=0)
     return np.minimum(hidden * slopes, 0.0)
-
-
-def hidden_weight(ratio: Ratio) -> Ratio:
-    """Return the least weight of all taxels in the sums, before a limit of 1.
-
-    Parameters
-    ----------
-    ratio : float or array
-        The load of all taxels, relative to that of the taxels clear of the noise.
-    """
-    start, full = HIDDEN_LOAD
-    return (ratio - 1 - start) / (full - start)
 
 
 def student(normal: float, freedom: Array) -> Array:

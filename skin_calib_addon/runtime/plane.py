@@ -79,13 +79,13 @@ class Plane:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Return the cross product of two vectors; ``np.cross`` takes ten times as long for one pair."""
+    """Return the cross product of two vectors (3,); ``np.cross`` takes ten times as long for one pair."""
     (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
     return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
 
 
 def ground_of(positions: Array, normals: Array, areas: Array) -> Plane | None:
-    """Return the plane on which a flat skin stands, in the frame of its link; None if the skin is not flat."""
+    """Return the plane on which a flat skin stands, in its link frame; None if it is not flat. Rows are taxels (n,)."""
     down = unit(areas @ normals)
     is_lower = normals @ down >= MIN_DOWNWARD
     if not is_lower.any():

@@ -28,7 +28,7 @@ MIN_IMPOSSIBLE = 100.0
 def taxel_readings(
     given: Any, dimensions: tuple[int, ...], channels: IntArray, length: int, name: str, link: str
 ) -> tuple[Array, bool]:
-    """Return the readings of the taxels, NaN where they are masked, and whether they are whole numbers."""
+    """Return the readings (..., n) of the taxels, NaN where they are masked, and whether they are whole numbers."""
     must = f"a {name} must be {'rows' if dimensions == (2,) else 'one row'} of real numbers"
     readings = numbers_of(given, dimensions, "uif", must)
     if readings.shape[-1] < length:
@@ -182,7 +182,7 @@ class Readings:
         return np.atleast_2d(rows.astype(float)), is_whole
 
     def learn(self, rows: Array, is_whole: bool) -> None:
-        """Set the baseline and learn the noise from readings of the taxels."""
+        """Set the baseline and learn the noise from readings (frames, n) of the taxels."""
         finite = np.abs(rows) < MAX_READING
         counts = finite.sum(axis=0)
         mean = np.where(finite, rows, 0.0).sum(axis=0) / np.maximum(counts, 1)
@@ -202,7 +202,7 @@ class Readings:
         self._limit()
 
     def follow(self, raw: Array, is_complete: bool, time: float) -> None:
-        """Follow the creep of the taxels, and the drift of the free ones."""
+        """Follow the creep of the taxels with readings (n,), and the drift of the free ones."""
         if self.noise is not None:
             signed = self.noise.signed(raw)
             if self._creep is not None:

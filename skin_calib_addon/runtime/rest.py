@@ -85,7 +85,7 @@ def is_rest(rows: Array, without_force: Array, is_whole: bool) -> bool:
 
 
 def _has_no_peak(rows: Array, floor: float) -> bool:
-    """Return whether no reading is far from the median of its taxel, in standard deviations of at least ``floor``."""
+    """Return whether no reading (frames, n) is far from the median of its taxel, in deviations above ``floor``."""
     # of the middle two thirds, which a short contact does not change
     low, middle, high = np.quantile(rows, (0.16, 0.5, 0.84), axis=0)
     sigma = np.maximum(np.maximum(high - middle, middle - low), floor)

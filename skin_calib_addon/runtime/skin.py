@@ -11,8 +11,8 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
 from ..common.errors import InvalidReading, UnknownTaxel
-from .batch import Batch, Processor
-from .clock import Clock
+from .batch import Batch, batch_of
+from .clock import NO_PAST, Clock
 from .contacts import contacts_of
 from .faults import Faults
 from .footprint import Footprint
@@ -44,8 +44,7 @@ if TYPE_CHECKING:
 # and disappear with the noise.
 SWITCH_ON, SWITCH_OFF = 0.2, 0.1
 
-# Flags of frames about which the frame before says nothing, and of frames that are not part of a rest.
-NO_PAST = frozenset({"time_back", "time_jump"})
+# Flags of frames that are not part of a rest.
 NOT_AT_REST = NO_PAST | {"byte_order"}
 
 
@@ -419,8 +418,17 @@ class Skin:
         times = None if times is None else np.asarray(times, float)
         if times is not None and times.shape != rows.shape[:1]:
             raise ValueError(f"times of shape {times.shape} for {len(rows)} readings; pass one time for each")
-        batch = Processor(self._readings, self.geometry, self.ground, self._evidence, self._terms).batch(rows, times)
+        batch = batch_of(rows, times, self._readings, self.geometry, self._evidence, self._sums)
         return replace(batch, modalities=modalities)
+
+    def _sums(self, pushes: Array, active: BoolArray) -> Array:
+        """Return the sums (T, 12) of :attr:`.Terms.sums` over parts of them (T, n) [N]; active taxels (T, n)."""
+        sums = pushes @ self._terms.sums.T
+        if self.ground is not None:
+            full = self.ground.is_full(active)
+            if full.any():
+                sums[full] = pushes[full] @ self.ground.full_contact.sums.T
+        return sums
 
     def _learn(self, rest: Rest, raw: Array, frame: Frame) -> None:
         """Learn baseline and noise from the first quiet frames, of which this is one."""
@@ -445,16 +453,7 @@ class Skin:
         """Return the frame of a reading of force that cannot be used; the state of the skin does not change."""
         n = len(self.ids)
         nothing = np.zeros(n, bool)
+        unknown = np.full(6, np.nan)
         return Frame(
-            time,
-            np.zeros(n),
-            nothing,
-            nothing,
-            nothing,
-            (),
-            np.full(6, np.nan),
-            flags,
-            problem,
-            None,
-            modalities=modalities,
+            time, np.zeros(n), nothing, nothing, nothing, (), unknown, flags, problem, None, modalities=modalities
         )

@@ -124,7 +124,7 @@ def states(on: BoolArray, stays: BoolArray, before: BoolArray) -> BoolArray:
 
 
 def touched_by_load(active: BoolArray, forces: Array, known: BoolArray | None, is_sure: bool) -> Touched:
-    """Return what is touched in one frame, by thresholds.
+    """Return what is touched in one frame with forces (n,) [N], by thresholds.
 
     ``known`` is None if all forces are known; ``is_sure`` is whether a force above the threshold is surely a contact.
     """
@@ -134,7 +134,7 @@ def touched_by_load(active: BoolArray, forces: Array, known: BoolArray | None, i
 
 
 def touched_by_noise(evidence: Evidence, active: BoolArray, lasts: BoolArray) -> Touched:
-    """Return what is touched in one frame; ``lasts`` has the taxels above ``lasting`` in three frames."""
+    """Return what is touched in one frame; ``lasts`` (n,) has the taxels above ``lasting`` in three frames."""
     _, _, sure, _, possible, weights, pushes, has_load = evidence
     assert sure is not None and possible is not None and weights is not None and pushes is not None
     if not has_load:

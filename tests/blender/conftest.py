@@ -13,6 +13,8 @@ import trimesh
 
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon import cli
+from tests.shapes import box, welded
+from tests.unit.robot.test_robot_mesh import MM, shape
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -36,6 +38,26 @@ def extension(tmp_path_factory):
         assert addon_utils.enable(name, default_set=True)
         yield name
         addon_utils.disable(name, default_set=True)
+
+
+@pytest.fixture(autouse=True)
+def few_samples(request, extension, monkeypatch):
+    """Errors are measured at few points, in the extension and in plain Python.
+
+    Not where a test compares with what another process, or a fixture of the module, has made of all points.
+    """
+    if {"run", "by_command"} & set(request.fixturenames):
+        results = modules(extension, "scene.results").results
+        results.clear()
+        yield
+        results.clear()
+        return
+    for package in (f"{extension}.skin_calib_addon", "skin_calib_addon"):
+        report = importlib.import_module(f"{package}.geometry.fit.error_report")
+        monkeypatch.setattr(report, "MESH_POINTS", 500)
+        monkeypatch.setattr(report, "ROUNDS", 2)
+        monkeypatch.setattr(importlib.import_module(f"{package}.geometry.surface.distance"), "MIN_SAMPLES", 500)
+    yield
 
 
 def modules(extension, *names):
@@ -97,8 +119,7 @@ def plan_file(tmp_path):
 
     def write(name="arm", numbers_in="m", **changes):
         factor = {"m": 1, "mm": 1000}[numbers_in]
-        mesh = tube_mesh(oval, 24, 9)
-        trimesh.Trimesh(mesh.vertices * factor, mesh.faces, process=False).export(tmp_path / f"{name}.stl")
+        written(tube_mesh(oval, 24, 9), tmp_path / f"{name}.stl", factor)
         document = copy.deepcopy(PLAN) | {"link": name, "mesh": f"{name}.stl", "unit": numbers_in} | changes
         path = tmp_path / f"{name}.plan.json"
         path.write_text(json.dumps(document))
@@ -138,6 +159,50 @@ def fit_scene(addon, tmp_path):
     return fit
 
 
+@pytest.fixture
+def urdf(tmp_path):
+    """Write a robot in a package: a link of two visual meshes, others of one, of boxes, and broken."""
+    (tmp_path / "bot" / "urdf").mkdir(parents=True)
+    (tmp_path / "bot" / "meshes").mkdir()
+    written(TUBE, tmp_path / "bot" / "meshes" / "tube.STL", 1000)
+    written(INNER, tmp_path / "bot" / "meshes" / "box.obj")
+    written(TUBE, tmp_path / "bot" / "meshes" / "tube.ply")
+    upper = shape("package://bot/meshes/tube.STL", origin='xyz="0.1 0 0.2" rpy="0.3 -0.2 1"', scale=MIRROR)
+    upper += shape("../meshes/box.obj") + shape("package://bot/meshes/tube.STL", "collision", scale=MM)
+    links = {
+        "upper": upper,
+        "elbow": "<visual><geometry><box size='1 1 1'/></geometry></visual>",
+        "lower": shape("package://bot/meshes/tube.STL", scale=MIRROR),
+        "hand": shape("package://bot/meshes/tube.ply"),
+        "finger": shape("package://bot/meshes/none.stl"),
+    }
+    joints = (
+        ("upper", "elbow", "0 0 0.3", "0.1 0.2 0.3"),
+        ("elbow", "lower", "0.02 0 0.1", "0 -0.7 0"),
+        ("lower", "hand", "0 0 0.25", "1.5 0 0"),
+        ("hand", "finger", "0 0 0.1", "0 0 0"),
+    )
+    path = tmp_path / "bot" / "urdf" / "bot.urdf"
+    path.write_text(robot_text(links, joints))
+    return path
+
+
+def robot_text(links, joints):
+    """Return a URDF of links by name, and of joints (parent, child, xyz, rpy)."""
+    inner = "".join(f'<link name="{name}">{shapes}</link>' for name, shapes in links.items())
+    for parent, child, xyz, rpy in joints:
+        inner += f'<joint name="{child}_joint" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        inner += f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 1 0"/>'
+        inner += '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+    return f'<robot name="bot">{inner}</robot>'
+
+
+def written(mesh, path, scale=1.0):
+    """Write a mesh to a file of any format, and return its path."""
+    trimesh.Trimesh(mesh.vertices * scale, mesh.faces, process=False).export(path)
+    return path
+
+
 def look(updates):
     """Run the timer until all changes are drawn."""
     while updates.tick() == updates.POLL_INTERVAL:
@@ -174,3 +239,8 @@ def oval(angle, height):
     """Return a curved, tapered oval tube of 80 mm without mirror symmetry."""
     a, b = 0.04 - 0.005 * height, 0.03 + 0.002 * np.sin(angle + 0.4)
     return np.column_stack((a * np.cos(angle) + 0.004 * height**2, b * np.sin(angle) + 0.01, 0.02 + 0.08 * height))
+
+
+MIRROR = "0.001 -0.001 0.001"  # of numbers in millimetres
+TUBE = welded(tube_mesh(oval, 24, 9))
+INNER = box((-0.01, 0, 0.04), (0.01, 0.02, 0.08))

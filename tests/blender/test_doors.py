@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from skin_calib_addon import cli
+from skin_calib_addon.calibration.exchange import WRITABLE
 from tests.blender.conftest import BOARDS, CLEAR, LEFT, PINNED, ROOT
 from tests.examples import slow
 
@@ -86,13 +87,13 @@ def test_plan_with_a_urdf_gives_the_same_bytes(bpy, addon, plan_file, fit_plainl
 
 
 def test_taxels_for_other_programs_are_those_of_the_command_line(bpy, tmp_path):
-    """Every format has the bytes of ``skin-calib export``; a format that cannot contain the skin states why."""
+    """They have the bytes of ``skin-calib export``; a format that cannot contain the skin states why."""
     bpy.ops.wm.open_mainfile(filepath=str(SAMPLES / "wrist.blend"))
     calibration = tmp_path / "wrist.json"
     bpy.ops.skin_calib.export_calibration(filepath=str(calibration))
     formats = bpy.ops.skin_calib.export_taxels.get_rna_type().properties["format"].enum_items.keys()
-    assert {"mjcf", "urdf", "icub", "tum", "csv"} < set(formats)
-    for name in set(formats) - {"rsdf"}:
+    assert set(formats) == set(WRITABLE)
+    for name in ("mjcf", "ply"):
         button, plain = tmp_path / "button", tmp_path / "plain"
         assert bpy.ops.skin_calib.export_taxels(filepath=str(button), format=name) == {"FINISHED"}
         assert cli.main(["export", str(calibration), "--to", name, "-o", str(plain)]) == 0
@@ -102,60 +103,51 @@ def test_taxels_for_other_programs_are_those_of_the_command_line(bpy, tmp_path):
     assert not (tmp_path / "none.rsdf").exists()
 
 
-@pytest.mark.parametrize("name", ["export_plan", "export_calibration", slow("export_taxels")])
-@pytest.mark.parametrize("file", ["mesh", "skin"])
-def test_mesh_and_taxel_files_of_the_link_are_not_replaced(bpy, link, tmp_path, name, file):
+def test_sources_of_the_link_are_not_replaced(bpy, link, tmp_path):
     """A point cloud of taxels can have the name of the mesh; earlier results are replaced."""
     taxels = tmp_path / "pair.csv"
     taxels.write_text("x,y,z\n0.04,0.01,0.06\n0.04,0.02,0.06\n")
     assert bpy.ops.skin_calib.skin_import(filepath=str(taxels)) == {"FINISHED"}
     bpy.ops.skin_calib.export_plan(filepath=str(tmp_path / "new.plan.json"))
-    path = {"mesh": tmp_path / link.skin_calib.mesh_file, "skin": taxels}[file]
-    before = path.read_bytes()
-    words = {"format": "ply"} if name == "export_taxels" else {}
-    with pytest.raises(RuntimeError, match="is a mesh, a robot, or a file of this link. Choose another name"):
-        getattr(bpy.ops.skin_calib, name)(filepath=str(path), **words)
-    assert path.read_bytes() == before
+    for path in (tmp_path / link.skin_calib.mesh_file, taxels):
+        before = path.read_bytes()
+        with pytest.raises(RuntimeError, match="is a mesh, a robot, or a file of this link. Choose another name"):
+            bpy.ops.skin_calib.export_taxels(filepath=str(path), format="ply")
+        assert path.read_bytes() == before
     for _ in range(2):
-        assert getattr(bpy.ops.skin_calib, name)(filepath=str(tmp_path / "out.ply"), **words) == {"FINISHED"}
+        assert bpy.ops.skin_calib.export_taxels(filepath=str(tmp_path / "out.ply"), format="ply") == {"FINISHED"}
 
 
-@pytest.mark.parametrize("name", ["export_plan", "export_calibration", slow("export_taxels")])
-def test_urdf_is_not_replaced(bpy, plan_file, tmp_path, name):
+def test_urdf_is_not_replaced(bpy, plan_file, tmp_path):
     """The robot of the link, also if it has become invalid, or another robot; frames of an earlier export are."""
     plan_file()
     visual = '<visual><origin xyz="0 0 0.01"/><geometry><mesh filename="arm.stl"/></geometry></visual>'
     text = f'<robot name="bot"><link name="arm">{visual}</link></robot>'
     own, other = tmp_path / "bot.urdf", tmp_path / "other.urdf"
     own.write_text(text)
-    other.write_text(text)
     bpy.ops.skin_calib.import_urdf(filepath=str(own), link="arm")
     bpy.ops.skin_calib.skin_add(kind="sheet")
-    words = {"format": "urdf"} if name == "export_taxels" else {}
     for path, content in ((own, text), (other, text), (own, text.replace("</robot>", ""))):
         path.write_text(content)
         with pytest.raises(RuntimeError, match="is a mesh, a robot, or a file of this link. Choose another name"):
-            getattr(bpy.ops.skin_calib, name)(filepath=str(path), **words)
+            bpy.ops.skin_calib.export_taxels(filepath=str(path), format="urdf")
         assert path.read_text() == content
     for _ in range(2):
-        assert getattr(bpy.ops.skin_calib, name)(filepath=str(tmp_path / "out.urdf"), **words) == {"FINISHED"}
+        assert bpy.ops.skin_calib.export_taxels(filepath=str(tmp_path / "out.urdf"), format="urdf") == {"FINISHED"}
 
 
-@pytest.mark.parametrize("name", ["export_plan", "export_calibration", slow("export_taxels")])
-def test_link_of_the_file_browser_is_written(bpy, link, tmp_path, name):
+def test_link_of_the_file_browser_is_written(bpy, link, tmp_path):
     """Another link can be active when the file is chosen; the one of the browser can be renamed."""
-    copy, path = link.copy(), tmp_path / "out.csv"
+    copy, path, files = link.copy(), tmp_path / "out.csv", []
     copy.skin_calib.link = "other"
     bpy.context.scene.collection.objects.link(copy)
     bpy.context.view_layer.objects.active = copy
-    words = {"format": "csv"} if name == "export_taxels" else {}
-    export, files = getattr(bpy.ops.skin_calib, name), []
     for subject in (link.name, copy.name, ""):
-        assert export(filepath=str(path), subject=subject, **words) == {"FINISHED"}
+        assert bpy.ops.skin_calib.export_calibration(filepath=str(path), subject=subject) == {"FINISHED"}
         files.append(path.read_text())
     assert files[0] != files[1] == files[2] and bpy.context.object == copy
     with pytest.raises(RuntimeError, match="Error: missing was removed or renamed in the meantime. Start again"):
-        export(filepath=str(path), subject="missing", **words)
+        bpy.ops.skin_calib.export_calibration(filepath=str(path), subject="missing")
 
 
 def test_export_counts_the_warnings_and_says_that_there_is_no_taxel(bpy, link, tmp_path, capfd):

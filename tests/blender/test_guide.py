@@ -1,7 +1,5 @@
 """What an import shows: the link alone, framed; files that are dropped; proposals for any mesh."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -50,25 +48,6 @@ def test_imported_link_is_in_the_free_part_of_the_view(bpy, cube, kind):
         view = area.spaces.active.region_3d
         assert np.linalg.norm(np.array(view.view_location) - corners.mean(axis=0)) < 0.2
         assert 0.05 < view.view_distance < 1.0 and view.view_rotation == rotation
-
-
-HANDLERS = {
-    "mesh": (".stl .ply .obj .off .dae .glb", "import_mesh"),
-    "robot": (".urdf", "import_robot"),
-    "link": (".urdf", "import_urdf"),
-    "plan": (".json", "import_plan"),
-}
-
-
-@pytest.mark.parametrize("name", HANDLERS)
-def test_files_are_dropped_into_the_view_only(bpy, name):
-    """Each kind of file has a handler with its operator."""
-    handler = getattr(bpy.types, f"SKIN_FH_{name}")
-    endings, operator = HANDLERS[name]
-    assert handler.bl_file_extensions.split(";") == endings.split()
-    assert handler.bl_import_operator == f"skin_calib.{operator}"
-    kinds = {kind: handler.poll_drop(SimpleNamespace(area=SimpleNamespace(type=kind))) for kind in ("VIEW_3D", "INFO")}
-    assert kinds == {"VIEW_3D": True, "INFO": False} and not handler.poll_drop(SimpleNamespace(area=None))
 
 
 @pytest.mark.parametrize("name, path", [("mesh", WRIST), ("plan", WRIST.with_name("wrist.plan.json"))])

@@ -2,30 +2,19 @@
 
 import numpy as np
 import pytest
-import trimesh
 from numpy.testing import assert_allclose
 
-from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.geometry.mesh.defects import diagnose
 from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, read_mesh
 from skin_calib_addon.robot.link_mesh import load_link
 from skin_calib_addon.robot.urdf import read_robot
-from tests.blender.conftest import oval
+from tests.blender.conftest import INNER, TUBE, written
 from tests.blender.test_link_frame import frame_for
 from tests.blender.test_refusals import scene_state
 from tests.blender.test_registration import draw
 from tests.real.test_real_links import MESHES
-from tests.shapes import box, together, weld, with_hole
-from tests.unit.robot.test_robot_mesh import MM, shape
-
-TUBE = weld(*(lambda m: (m.vertices, m.faces))(tube_mesh(oval, 24, 9)))
-INNER = box((-0.01, 0, 0.04), (0.01, 0.02, 0.08))
-
-
-def written(mesh, path, scale=1.0):
-    """Write a mesh to a file of any format."""
-    trimesh.Trimesh(mesh.vertices * scale, mesh.faces, process=False).export(path)
-    return path
+from tests.shapes import box, together, with_hole
+from tests.unit.robot.test_robot_mesh import shape
 
 
 @pytest.fixture
@@ -40,10 +29,11 @@ def shown(bpy, tmp_path):
     return show
 
 
-@pytest.mark.parametrize("kind", ["stl", "ply", "obj", "off", "STL"])
-@pytest.mark.parametrize("unit, taken, scale", [("auto", 1, 1), ("auto", 1e-3, 1000), ("mm", 1e-3, 1000)])
-@pytest.mark.parametrize("metre", [1.0, 0.01])
-def test_mesh_becomes_a_link_in_metres(bpy, addon, tmp_path, kind, unit, taken, scale, metre):
+@pytest.mark.parametrize(
+    "kind, unit, scale, metre",
+    [("stl", "auto", 1, 1.0), ("ply", "auto", 1000, 1.0), ("off", "mm", 1000, 0.01), ("STL", "auto", 1000, 0.01)],
+)
+def test_mesh_becomes_a_link_in_metres(bpy, addon, tmp_path, kind, unit, scale, metre):
     """The numbers of the file stay and the object is scaled, in any scene; the link has the name of the file."""
     bpy.context.scene.unit_settings.scale_length = metre
     path = written(TUBE, tmp_path / f"l_forearm.{kind}", scale)
@@ -51,7 +41,7 @@ def test_mesh_becomes_a_link_in_metres(bpy, addon, tmp_path, kind, unit, taken, 
     link = bpy.context.object
     bpy.context.view_layer.update()
     assert (link.name, link.skin_calib.link, link.skin_calib.mesh_file) == ("l_forearm", "l_forearm", path.name)
-    assert_allclose(link.scale, [taken / metre] * 3, rtol=1e-6)
+    assert_allclose(link.scale, [1 / scale / metre] * 3, rtol=1e-6)
     assert_allclose([v.co[:] for v in link.data.vertices], read_mesh(path).vertices, rtol=1e-6, atol=1e-7 * scale)
     assert_allclose(addon.link_meshes.read_mesh(link, bpy.context).vertices, TUBE.vertices, atol=1e-8)
     assert [o.name for o in bpy.context.selected_objects] == ["l_forearm"]
@@ -76,46 +66,31 @@ def test_unreadable_mesh_is_refused(bpy, addon, tmp_path):
     assert scene_state(bpy, addon) == before
 
 
-@pytest.fixture
-def urdf(tmp_path):
-    """Write a robot in a package: a link with two visual meshes and a collision mesh, and a link of boxes."""
-    (tmp_path / "bot" / "urdf").mkdir(parents=True)
-    (tmp_path / "bot" / "meshes").mkdir()
-    written(TUBE, tmp_path / "bot" / "meshes" / "tube.STL", 1000)
-    written(INNER, tmp_path / "bot" / "meshes" / "box.obj")
-    tube = shape("package://bot/meshes/tube.STL", origin='xyz="0.1 0 0.2" rpy="0.3 -0.2 1"', scale="0.001 -0.001 0.001")
-    arm = tube + shape("../meshes/box.obj") + shape("package://bot/meshes/tube.STL", "collision", scale=MM)
-    head = "<visual><geometry><box size='1 1 1'/></geometry></visual>"
-    path = tmp_path / "bot" / "urdf" / "bot.urdf"
-    path.write_text(f'<robot name="bot"><link name="arm">{arm}</link><link name="head">{head}</link></robot>')
-    return path
-
-
 @pytest.mark.parametrize("use", ["visual", "collision"])
 @pytest.mark.parametrize("metre", [1.0, 0.001])
 def test_link_of_a_robot_lies_in_its_frame(bpy, addon, urdf, use, metre):
     """The mesh of the fit is that of the URDF, to single precision; the object is not moved."""
     bpy.context.scene.unit_settings.scale_length = metre
-    assert bpy.ops.skin_calib.import_urdf(filepath=str(urdf), link="arm", mesh=use) == {"FINISHED"}
+    assert bpy.ops.skin_calib.import_urdf(filepath=str(urdf), link="upper", mesh=use) == {"FINISHED"}
     link = bpy.context.object
     bpy.context.view_layer.update()
-    expected = load_link(urdf, read_robot(urdf), "arm", use)
+    expected = load_link(urdf, read_robot(urdf), "upper", use)
     mesh = addon.link_meshes.read_mesh(link, bpy.context)
     assert_allclose(np.sort(mesh.vertices, axis=0), np.sort(expected.vertices, axis=0), atol=2e-8)
     assert_allclose(mesh.face_areas.sum(), expected.face_areas.sum(), rtol=1e-5)
-    assert link.skin_calib.link == "arm" and tuple(link.location) == (0, 0, 0)
+    assert link.skin_calib.link == "upper" and tuple(link.location) == (0, 0, 0)
     assert link.skin_calib.mesh_file == ("tube.STL" if use == "collision" else "bot.urdf")
 
 
 def test_link_without_a_name_is_asked_for(bpy, addon, urdf):
     """Without a window the names are listed; a single link needs none; wrong names are refused."""
     before = scene_state(bpy, addon)
-    with pytest.raises(RuntimeError, match='Error: bot.urdf has several links with a mesh. Name one of "arm"'):
+    with pytest.raises(RuntimeError, match='Error: bot.urdf has several links with a mesh. Name one of "'):
         bpy.ops.skin_calib.import_urdf(filepath=str(urdf))
-    with pytest.raises(RuntimeError, match='Error: bot.urdf has no link "arms"; did you mean "arm"?'):
-        bpy.ops.skin_calib.import_urdf(filepath=str(urdf), link="arms")
-    with pytest.raises(RuntimeError, match="Error: bot.urdf has no visual mesh for head"):
-        bpy.ops.skin_calib.import_urdf(filepath=str(urdf), link="head")
+    with pytest.raises(RuntimeError, match='Error: bot.urdf has no link "uper"; did you mean "upper"?'):
+        bpy.ops.skin_calib.import_urdf(filepath=str(urdf), link="uper")
+    with pytest.raises(RuntimeError, match="Error: bot.urdf has no visual mesh for elbow"):
+        bpy.ops.skin_calib.import_urdf(filepath=str(urdf), link="elbow")
     assert scene_state(bpy, addon) == before
     urdf.write_text(f'<robot name="b"><link name="a">{shape("../meshes/box.obj", "collision")}</link></robot>')
     assert bpy.ops.skin_calib.import_urdf(filepath=str(urdf)) == {"FINISHED"}
@@ -165,15 +140,11 @@ def move_vertex(bpy, link):
     link.data.update()
 
 
-def scale(bpy, link):
-    link.scale = (1.1, 1.1, 1.1)
-
-
 def modify(bpy, link):
     link.modifiers.new("finer", "SUBSURF")
 
 
-@pytest.mark.parametrize("change", [move_vertex, scale, modify], ids=lambda f: f.__name__)
+@pytest.mark.parametrize("change", [move_vertex, modify], ids=lambda f: f.__name__)
 def test_changed_mesh_outdates_the_check(bpy, addon, shown, monkeypatch, change, state_of):
     """The check is unverified at once, and still after the comparison; a new check is of the new mesh."""
     monkeypatch.setattr(addon.diagnoses, "CHECK_DELAY", 0)
@@ -237,6 +208,44 @@ def test_edges_that_modifiers_make_are_not_selected(bpy, shown):
     link = shown(TUBE)
     link.modifiers.new("finer", "SUBSURF")
     assert bpy.ops.skin_calib.show_defects() == {"CANCELLED"} and link.mode == "OBJECT"
+
+
+def foreseen(bpy):
+    """Return whether Check Mesh expects a fit, and what it says about it."""
+    assert bpy.ops.skin_calib.diagnose() == {"FINISHED"}
+    found = [f for f in bpy.context.object.skin_calib.diagnosis.findings if f.code == "fit" or f.severity == "error"]
+    assert len(found) == 1
+    return found[0].severity != "error", found[0].message
+
+
+def fitted(bpy):
+    """Return whether Fit succeeds, and the reason otherwise."""
+    try:
+        return bpy.ops.skin_calib.fit() == {"FINISHED"}, ""
+    except RuntimeError as error:
+        return False, str(error)
+
+
+def test_open_several_and_folded_sections_are_errors(bpy, shown):
+    """A half pipe is open, boxes apart have no common axis: each refused, each with its reason; a tube is fitted."""
+    shown(TUBE, "tube")
+    assert foreseen(bpy)[0] and fitted(bpy)[0]
+    shown(box((0, 0, 0), (0.1, 0.1, 0.001)), "plate")
+    assert foreseen(bpy)[0] == fitted(bpy)[0]
+    shown(together(box((0, 0, 0), (0.02, 0.02, 0.1)), box((0.1, 0, 0), (0.12, 0.02, 0.1))), "apart")
+    assert foreseen(bpy)[0] == fitted(bpy)[0]
+
+
+def test_changed_settings_outdate_the_check(bpy, shown):
+    """After a change of the plan the panel asks for another check; that check is of the new settings."""
+    shown(TUBE, "tube")
+    assert foreseen(bpy)[0] and not bpy.context.object.skin_calib.diagnosis.outdated
+    bpy.context.object.skin_calib.grid.auto_margin = False
+    bpy.context.object.skin_calib.grid.margin = 0.05
+    assert bpy.context.object.skin_calib.diagnosis.outdated
+    assert "The plan has changed: check again" in draw(bpy, "mesh")
+    expected, message = foreseen(bpy)
+    assert not expected and "margin of 50 mm" in message
 
 
 @pytest.mark.nightly

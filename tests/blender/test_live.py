@@ -39,17 +39,6 @@ def test_surface_and_skin_follow_a_change(bpy, addon, updates, following, monkey
     assert (plan.result.key, plan.result.mean) == followed and followed[0] != before
 
 
-def test_many_changes_make_one_fit(updates, preview, following, monkeypatch):
-    """During many changes only the last state is fitted."""
-    fits = []
-    monkeypatch.setattr(preview, "fit_grid", lambda *words, real=preview.fit_grid: fits.append(1) or real(*words))
-    for n in range(6, 16):
-        following.skin_calib.grid.n = n
-    look(updates)
-    look(updates)
-    assert len(fits) == 1
-
-
 def test_change_of_a_skin_needs_no_other_surface(bpy, addon, updates, preview, following, monkeypatch, state_of):
     """Changes of the skin use the last surface; planes and mesh need a new one."""
     fits = []
@@ -253,14 +242,13 @@ def test_undo_removes_the_preview(bpy, addon, updates, following, monkeypatch, s
     assert not link.skin_calib.result.outdated
 
 
-@pytest.mark.parametrize("change", OTHER.values(), ids=OTHER)
-@pytest.mark.parametrize("follow", [False, True])
-def test_other_mesh_modifier_or_place_outdates_the_result(bpy, updates, link, change, follow, monkeypatch):
+@pytest.mark.parametrize(("name", "follow"), [("mesh", False), ("modifier", True), ("place", False), ("place", True)])
+def test_other_mesh_modifier_or_place_outdates_the_result(bpy, updates, link, name, follow, monkeypatch):
     """This is for links with and without Live; edits without an effect do not count."""
     bpy.ops.skin_calib.fit()
     link = bpy.context.object
     link.skin_calib.live = follow
-    for act in (lambda link: None, change):
+    for act in (lambda link: None, OTHER[name]):
         rest(updates, monkeypatch)
         assert not link.skin_calib.result.outdated
         key = link.skin_calib.result.key

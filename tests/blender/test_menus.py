@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.blender.conftest import BOARDS
-from tests.blender.test_registration import EXCHANGE, OPERATORS, Layout
+from tests.blender.test_registration import Layout
 from tests.examples import slow
 
 INTERNAL = {"import_wait", "choose_link", "take_advice"}  # a part of other operators
@@ -30,7 +30,7 @@ def test_menu_has_every_operator(bpy, plan_file, extension):
     bpy.ops.skin_calib.zone_add(skin=1)
     plan.skins[0].taxels.add().taxel = "0.0"
     bpy.ops.skin_calib.surface_add()
-    assert {*OPERATORS, *EXCHANGE} - set(listed(bpy)) == INTERNAL
+    assert set(dir(bpy.ops.skin_calib)) - set(listed(bpy)) == INTERNAL
     menus = importlib.import_module(f"{extension}.panels.menus")
     assert menus.draw_menu in bpy.types.VIEW3D_MT_editor_menus._dyn_ui_initialize()
 
@@ -112,25 +112,16 @@ def test_zones_need_faces(bpy, plan_file):
 
 
 def test_toolbar_has_tools_for_planes_and_boards(bpy, extension):
-    """A click with a tool is the operator at the mouse; the tools leave with the extension."""
+    """They leave with the extension."""
     import addon_utils
     from bl_ui.space_toolsystem_common import ToolSelectPanelHelper
     from bl_ui.space_toolsystem_toolbar import VIEW3D_PT_tools_active
 
     def tools():
         listed = ToolSelectPanelHelper._tools_flatten(VIEW3D_PT_tools_active._tools["OBJECT"])
-        return {tool.idname: tool for tool in listed if tool is not None and tool.idname.startswith("skin_calib.")}
+        return {tool.idname for tool in listed if tool is not None and tool.idname.startswith("skin_calib.")}
 
-    found = tools()
-    assert set(found) == {"skin_calib.cut_tool", "skin_calib.planes_tool", "skin_calib.boards_tool"}
-    for tool, operator in (
-        ("cut_tool", "cut_place"),
-        ("planes_tool", "plane_place"),
-        ("planes_tool", "plane_take"),
-        ("boards_tool", "boards_paint"),
-    ):
-        assert "at_mouse" in getattr(bpy.ops.skin_calib, operator).get_rna_type().properties
-        assert found[f"skin_calib.{tool}"].label and found[f"skin_calib.{tool}"].description
+    assert tools() == {"skin_calib.cut_tool", "skin_calib.planes_tool", "skin_calib.boards_tool"}
     addon_utils.disable(extension)
     assert not tools()
     addon_utils.enable(extension)

@@ -7,63 +7,17 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose
 
-from sample_scenes.shapes import tube_mesh
 from skin_calib_addon import cli
 from skin_calib_addon.robot.kinematics import link_poses
 from skin_calib_addon.robot.link_mesh import load_urdf_mesh
 from skin_calib_addon.robot.urdf import read_robot
-from tests.blender.conftest import ROOT, modules, oval
+from tests.blender.conftest import ROOT, modules, robot_text, written
 from tests.blender.test_refusals import scene_state
 from tests.blender.test_registration import draw
-from tests.shapes import box, subdivided, weld, welded
-from tests.unit.robot.test_robot_mesh import MM, shape
+from tests.shapes import box, subdivided, welded
+from tests.unit.robot.test_robot_mesh import shape
 
 ROBOTS = ROOT.parent / "shared" / "data" / "robots"
-TUBE = weld(*(lambda m: (m.vertices, m.faces))(tube_mesh(oval, 24, 9)))
-INNER = box((-0.01, 0, 0.04), (0.01, 0.02, 0.08))
-JOINT = (
-    '<joint name="{child}_joint" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
-    '<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-)
-
-
-def written(mesh, path, scale=1.0):
-    """Write a mesh to a file of any format."""
-    trimesh.Trimesh(mesh.vertices * scale, mesh.faces, process=False).export(path)
-
-
-@pytest.fixture
-def urdf(tmp_path):
-    """Write a robot in a package: a link of two visual meshes, a mirrored one, one of boxes between, a broken one."""
-    (tmp_path / "bot" / "urdf").mkdir(parents=True)
-    (tmp_path / "bot" / "meshes").mkdir()
-    written(TUBE, tmp_path / "bot" / "meshes" / "tube.STL", 1000)
-    written(INNER, tmp_path / "bot" / "meshes" / "box.obj")
-    written(TUBE, tmp_path / "bot" / "meshes" / "tube.ply")
-    upper = shape("package://bot/meshes/tube.STL", origin='xyz="0.1 0 0.2" rpy="0.3 -0.2 1"', scale=MM)
-    upper += shape("../meshes/box.obj")
-    lower = shape("package://bot/meshes/tube.STL", scale="0.001 -0.001 0.001")
-    links = {
-        "upper": upper,
-        "elbow": "<visual><geometry><box size='1 1 1'/></geometry></visual>",
-        "lower": lower,
-        "hand": shape("package://bot/meshes/tube.ply"),
-        "finger": shape("package://bot/meshes/none.stl"),
-    }
-    joints = [
-        JOINT.format(parent="upper", child="elbow", xyz="0 0 0.3", rpy="0.1 0.2 0.3"),
-        JOINT.format(parent="elbow", child="lower", xyz="0.02 0 0.1", rpy="0 -0.7 0"),
-        JOINT.format(parent="lower", child="hand", xyz="0 0 0.25", rpy="1.5 0 0"),
-        JOINT.format(parent="hand", child="finger", xyz="0 0 0.1", rpy="0 0 0"),
-    ]
-    path = tmp_path / "bot" / "urdf" / "bot.urdf"
-    path.write_text(
-        '<robot name="bot">'
-        + "".join(f'<link name="{name}">{inner}</link>' for name, inner in links.items())
-        + "".join(joints)
-        + "</robot>"
-    )
-    return path
 
 
 @pytest.fixture
@@ -189,13 +143,9 @@ def arm(tmp_path_factory):
     written(subdivided(welded(trimesh.creation.cylinder(0.03, 0.12, sections=48))), folder / "tube.ply")
     written(box((-0.04, -0.04, 0), (0.04, 0.04, 0.06)), folder / "block.stl")
     written(box((-0.01, -0.01, 0), (0.01, 0.01, 0.01)), folder / "knob.stl")
-    links = "".join(
-        f'<link name="{name}">{shape(file)}</link>'
-        for name, file in (("fore arm", "tube.ply"), ("block", "block.stl"), ("knob", "knob.stl"))
-    )
-    joints = JOINT.format(parent="fore arm", child="block", xyz="0 0 0.07", rpy="0 0 0")
-    joints += JOINT.format(parent="block", child="knob", xyz="0 0 0.2", rpy="0 0 0")
-    (folder / "arm.urdf").write_text(f'<robot name="arm">{links}{joints}</robot>')
+    files = {"fore arm": "tube.ply", "block": "block.stl", "knob": "knob.stl"}
+    joints = ("fore arm", "block", "0 0 0.07", "0 0 0"), ("block", "knob", "0 0 0.2", "0 0 0")
+    (folder / "arm.urdf").write_text(robot_text({name: shape(file) for name, file in files.items()}, joints))
     return folder / "arm.urdf"
 
 
@@ -315,13 +265,18 @@ def test_propose_all_keeps_skins_that_are_added_while_it_works(bpy, plan_file, m
     assert "Proposed plans for 0 links; refused: 2" in out
 
 
-def test_refused_proposals_and_exports_state_the_reason(bpy, robot, tmp_path):
+def test_refused_proposals_and_exports_state_the_reason(bpy, extension, robot, tmp_path):
     """An unknown skin, a link without skin, nothing to fit, and an export before the fit."""
     scene, link = bpy.context.scene, bpy.context.object
     with pytest.raises(RuntimeError, match="Error: No link has a skin. Use Propose All"):
         bpy.ops.skin_calib.fit_all()
     with pytest.raises(RuntimeError, match="Error: No link is fitted. Press Propose All and Fit All first"):
         bpy.ops.skin_calib.export_robot(directory=str(tmp_path / "out"))
+    preferences = bpy.context.preferences.addons[extension].preferences
+    preferences.skin = "felt"  # that of the scene has priority
+    with pytest.raises(RuntimeError, match="Error: 'felt' is not a skin. Write"):
+        bpy.ops.skin_calib.propose()
+    preferences.property_unset("skin")
     scene.skin_calib.skin = "leather"
     for name in ("propose", "propose_all"):
         with pytest.raises(RuntimeError, match="Error: 'leather' is not a skin. Write"):

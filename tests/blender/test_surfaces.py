@@ -83,9 +83,7 @@ def test_both_surfaces_are_fitted_and_drawn(bpy, addon, two):
     )
     points = [fit.offsets.size for fit in result.fits.values()]
     assert link.skin_calib.result.control_points == sum(points)
-    layers = {
-        layer.what: layer for layer in addon.drawing._prepared[link.skin_calib.result.key].shown({"ERROR", "NET"})
-    }
+    layers = {layer.what: layer for layer in addon.drawing.layers_now(link).shown({"ERROR", "NET"})}
     assert layers["ERROR"].indices.max() == len(layers["ERROR"].points) - 1
     assert len(layers["ERROR"].points) == len(layers["ERROR"].colours)
 
@@ -157,20 +155,6 @@ def test_warnings_and_refusals_name_their_surface(bpy, two, extension):
         bpy.ops.skin_calib.fit()
     assert advice.warning_at(plan.id_data, advice.REFUSAL).where.surface == "front"
     assert draw(bpy, "status")[0] == "The fit is refused"
-
-
-def test_panels_show_the_surfaces(bpy, two):
-    """A button for each surface, in the panel Cut and at each skin; a link with one surface has none."""
-    shown = draw(bpy, "cut")
-    assert shown[:5] == ["Show Surface", "Show Surface", "surface_name", "Add Surface", "Remove Surface"]
-    assert not draw(bpy, "skin").count("Surface")  # of several skins only the names are shown, until they are opened
-    for skin in bpy.context.object.skin_calib.skins:
-        skin.opened = True
-    assert draw(bpy, "skin").count("Surface") == 2 * 3  # a label and two buttons for each skin
-    bpy.ops.skin_calib.skin_surface(skin=1, name="all")
-    bpy.ops.skin_calib.surface_show(index=1)
-    bpy.ops.skin_calib.surface_remove()
-    assert draw(bpy, "cut")[0] == "Add Surface" and "Surface" not in draw(bpy, "skin")
 
 
 def test_boundary_is_kept_in_the_scene(bpy, plan_file, fit_plainly, fit_scene, document):

@@ -4,6 +4,7 @@ After a change that is meant to move them: ``python -m tests.golden.test_samples
 they moved before they are committed.
 """
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +24,15 @@ LENGTH_TOLERANCE = 1e-9  # [m]
 RATIO_TOLERANCE = 1e-6
 
 
+@cache
+def calibrated(name):
+    """Return the result of a sample."""
+    return calibrate(load_plan(SCENES / f"{name}.plan.json"))
+
+
 def numbers(name):
     """Return all numbers of the calibration of a sample, as arrays by name."""
-    calibration = calibrate(load_plan(SCENES / f"{name}.plan.json")).calibration
+    calibration = calibrated(name).calibration
     (surface,), (patch,) = calibration.surfaces, calibration.patches
     taxels, errors = patch.taxels, surface.errors
     row = {id_: i for i, id_ in enumerate(taxels.ids)}
@@ -75,7 +82,7 @@ def test_sample_calibration_is_as_it_was(name):
 @pytest.mark.parametrize("name", SAMPLES)
 def test_sample_calibration_is_good(name):
     """The quality of the numbers, so that new golden files cannot be worse."""
-    result = calibrate(load_plan(SCENES / f"{name}.plan.json"))
+    result = calibrated(name)
     worst = {"wrist": 1.3e-5, "sole": 5e-5, "edge": 1e-4}[name]
     assert result.fit.errors.surface_to_mesh.mean < worst
     assert result.fit.missing < (0.1 if name == "sole" else 1e-9)  # its outline is rounded, but the grid is not

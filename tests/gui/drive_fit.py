@@ -16,8 +16,6 @@ ROOT = Path(__file__).resolve().parents[2]
 def drive(gui):
     yield from opens_ready_to_fit(gui)
     yield from fits_and_undoes(gui)
-    yield from notices_another_mesh(gui)
-    yield from shows_the_error(gui)
     yield from exports(gui)
     yield from exports_taxels(gui)
 
@@ -52,29 +50,6 @@ def fits_and_undoes(gui):
     yield from gui.shot("undone.png")
     yield from undo(gui, "shift")
     assert plan().result.key == key and red(gui) == drawn
-
-
-def notices_another_mesh(gui):
-    """After undo and redo, another mesh outdates the result; Ctrl-Z restores both."""
-    link().scale *= 1.3
-    bpy.ops.ed.undo_push(message="Scale")
-    yield from gui.wait(lambda: plan().result.outdated, 10, "the comparison of the mesh")
-    yield from undo(gui)
-    yield 1.0
-    assert plan().result.key and not plan().result.outdated
-
-
-def shows_the_error(gui):
-    """Layers are switched: the error covers the link in violet to yellow; without normals nothing is red."""
-    before, drawn = gui.pixels("VIEW_3D").astype(float), red(gui)
-    plan().layers, plan().inspect.heat = {"CELLS"}, "ERROR"
-    yield from gui.redraw()
-    yield from gui.shot("error.png")
-    after = gui.pixels("VIEW_3D").astype(float)
-    assert (abs(after - before).max(axis=2) > 0.1 * after.max()).mean() > 0.02, "no error is drawn"
-    assert red(gui) < drawn - 300, "normals are drawn"
-    plan().layers, plan().inspect.heat = {"SURFACE", "CELLS", "NORMALS"}, "NONE"
-    yield from gui.redraw()
 
 
 def exports(gui):

@@ -1,10 +1,7 @@
-"""Drives a whole robot: import, list of links, proposals and fits of one link and of all, Esc in between, export.
+"""Drives a whole robot: import, list of links, proposals of one link and of all, Esc in between.
 
-The argument is the URDF of the robot. With the argument ``all`` after it, all links are proposed and fitted.
+The argument is the URDF of the robot.
 """
-
-import json
-import os
 
 import bpy
 from buttons import find, press
@@ -20,13 +17,9 @@ def drive(gui):
     yield from gui.tab("Skin")
     yield from hover_view(gui)
     yield from imports_the_robot(gui, gui.args[0])
-    if gui.args[1:] == ["all"]:
-        yield from shows_all_skins(gui)
-        return
     yield from selects_a_row(gui)
     yield from proposes_one(gui)
     yield from stops_all(gui)
-    yield from exports(gui)
 
 
 def active():
@@ -42,11 +35,6 @@ def links():
 def proposed():
     """Return the names of the links with a proposal."""
     return [name for name, link in links().items() if link.skin_calib.proposed]
-
-
-def fitted():
-    """Return the names of the links with a fit; a proposal can be refused by it."""
-    return [name for name, link in links().items() if link.skin_calib.result.key]
 
 
 def running():
@@ -116,31 +104,3 @@ def stops_all(gui):
     assert proposed() == [LINK]
     yield from undo(gui, "shift")
     assert proposed() == kept
-
-
-def exports(gui):
-    """Fit All fits what is left, and Export Robot writes a folder."""
-    yield from press(gui, "skin_calib.fit_all")
-    yield from gui.wait(lambda: not running(), 400, "the fits")
-    writes_a_folder(gui)
-
-
-def writes_a_folder(gui):
-    """Export Robot writes plan and calibration of each link, and the two files of the robot."""
-    with gui.context():
-        bpy.ops.skin_calib.export_robot(directory=str(gui.out / "robot"))
-    document = json.loads((gui.out / "robot" / "robot.json").read_text())
-    assert [link["link"] for link in document["links"]] == sorted(fitted())
-    assert len(os.listdir(gui.out / "robot")) == 2 * len(fitted()) + 2
-
-
-def shows_all_skins(gui):
-    """All links are proposed, fitted and exported."""
-    yield from press(gui, "skin_calib.propose_all")
-    yield from gui.wait(running, 10, "the proposals in a thread")
-    yield from gui.wait(lambda: not running(), 1800, "the proposals")
-    yield from hover_view(gui)
-    yield from gui.redraw(3)
-    yield from gui.shot("robot_propose_all.png", area=None)
-    assert len(fitted()) > 20
-    writes_a_folder(gui)

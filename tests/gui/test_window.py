@@ -80,10 +80,7 @@ DRIVERS = [
     ("drive_inspect.py", "wrist", "1200x1300"),
     ("drive_taxels.py", "wrist", "1200x1300"),
     ("drive_imported.py", "wrist", "1200x1300"),
-    ("drive_drawing.py", "wrist", "1200x1300"),
-    ("drive_escape.py", "wrist", "1200x1300"),
     ("drive_waits.py", "wrist", "1200x1300"),
-    ("drive_widths.py", "wrist", "1200x1300"),
     ("drive_import.py", "", "1600x900"),  # Blender's start
 ]
 

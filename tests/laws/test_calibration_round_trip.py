@@ -22,13 +22,12 @@ from skin_calib_addon.calibration import (
     validate,
 )
 from skin_calib_addon.calibration.modality import UNITS
-from skin_calib_addon.calibration.validate import SCHEMA
 from skin_calib_addon.common.encoding import checksum
 from skin_calib_addon.common.errors import CalibrationFormatError
 from skin_calib_addon.common.findings import child
 from skin_calib_addon.common.schema_check import check
 from skin_calib_addon.common.strict_json import parse
-from tests.examples import examples
+from tests.examples import examples, slow
 from tests.samples import boards, sheet, small_calibration
 
 OWN = (Response((0.0, 0.5), (0.0, 250.0)), ResponseTable((0.0, 100.0, 250.0), (16.0, 1.0, 0.0)))
@@ -182,16 +181,11 @@ def assert_handled(document):
 CHANGED = [..., None, True, -1, 1.5, 1e308, "1.5", "s0.0", [], {}, [[0.0, 0.0, 0.0]]]
 
 
-@pytest.mark.parametrize("i", range(len(CHANGED)), ids=[repr(value) for value in CHANGED])
-def test_any_changed_node_is_handled_once(i):
-    """Each node is changed once; each change applies to another part of the nodes."""
-    assert_all_handled(NODES[i :: len(CHANGED)], CHANGED[i])
-
-
-def assert_all_handled(pointers, value):
-    """Check that each of these removed or replaced nodes gives findings or a calibration."""
-    for pointer in pointers:
-        document = mutated(SMALL, pointer, value)
+@pytest.mark.parametrize("part", [0, *map(slow, range(1, 5))])
+def test_any_changed_node_is_handled(part):
+    """Each node is removed or replaced once; each change applies to another part of the nodes."""
+    for k, pointer in list(enumerate(NODES))[part::5]:
+        document = mutated(SMALL, pointer, CHANGED[k % len(CHANGED)])
         if isinstance(document, dict) and "checksum" in document and pointer != "/checksum":
             document["checksum"] = checksum(document)
         assert_handled(document)
@@ -217,35 +211,6 @@ def test_any_changed_structure_is_handled(changes):
     if isinstance(document, dict) and "checksum" in document:
         document["checksum"] = checksum(document)
     assert_handled(document)
-
-
-def chosen(error):
-    """Return the errors of the matching branch of a choice, or those that prevent a match."""
-    if error.validator != "oneOf":
-        return [error]
-    branches = {}
-    for inner in error.context:
-        branches.setdefault(inner.schema_path[0], []).append(inner)
-    blind = {
-        branch: [e for e in errors if e.validator == "type" and e.absolute_path == error.absolute_path]
-        + [e for e in errors if e.absolute_path[-1] == "kind" or "'kind' is a required" in e.message]
-        for branch, errors in branches.items()
-    }
-    return next((errors for branch, errors in branches.items() if not blind[branch]), blind[0])
-
-
-@given(changes=mutations)
-@examples(200)
-def test_schema_check_agrees_with_the_reference(changes):
-    """The checker and the jsonschema package accept the same documents, and find errors in the same members."""
-    jsonschema = pytest.importorskip("jsonschema")
-    document = mutated_often(changes)
-    errors = [e for root in jsonschema.Draft202012Validator(SCHEMA).iter_errors(document) for e in chosen(root)]
-    ours = check(document, SCHEMA)
-    assert {finding.pointer for finding in ours if finding.code != "unknown"} == {
-        child("", *error.absolute_path) for error in errors if error.validator != "additionalProperties"
-    }
-    assert bool(ours) == bool(errors)
 
 
 GENERAL = {  # all keywords of the checker in a small schema
@@ -341,15 +306,6 @@ def test_any_changed_bytes_are_handled(changes, tmp_path_factory):
         assert caught.value.findings == findings and "\n" not in str(caught.value)
     else:
         assert same(load_calibration(path), from_document(document))
-
-
-@given(data=st.binary(max_size=200))
-@examples(300)
-def test_random_bytes_are_handled(data):
-    """Random bytes give findings."""
-    document, findings = check_bytes(data)
-    assert any(finding.severity == "error" for finding in findings)
-    assert all("\n" not in str(finding) for finding in findings)
 
 
 @given(document=st.recursive(scalars | floats, lambda inner: st.lists(inner) | st.dictionaries(names, inner)))

@@ -1,7 +1,6 @@
 """Laws of taxel files: written files are read back, and any bytes give taxels or a CalibrationFormatError."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -12,7 +11,6 @@ from tests.examples import examples
 from tests.exchange_samples import (
     CELLS,
     SENSOR,
-    Cell,
     csv_text,
     icub_text,
     pcd_text,
@@ -21,7 +19,6 @@ from tests.exchange_samples import (
     robot_text,
     tum_text,
 )
-from tests.shapes import Motion
 
 seeds = st.integers(0, 2**32 - 1)
 ROUND, OUTWARD = points_round(6)
@@ -110,38 +107,3 @@ def test_binary_clouds_are_read_or_refused(tmp_path_factory, data, cuts):
         assert_sound(read_taxels(path))
     except CalibrationFormatError as problem:
         assert "\n" not in str(problem)
-
-
-@pytest.mark.parametrize("data", BINARY)
-def test_binary_samples_are_sound(tmp_path, data):
-    """The undamaged samples of the test above are read."""
-    (tmp_path / "cloud").write_bytes(data)
-    assert len(read_taxels(tmp_path / "cloud").labels) == 6
-
-
-@given(seed=seeds, count=st.integers(1, 30))
-def test_what_was_written_is_read(tmp_path_factory, seed, count):
-    """Exact positions, and normals up to rounding, in all formats; also channels with gaps."""
-    rng = np.random.default_rng(seed)
-    positions = rng.uniform(-0.3, 0.3, (count, 3))
-    turns = [Motion(seed + i).rotation for i in range(count)]
-    normals, tangents = (np.array([turn[:, k] for turn in turns]) for k in (2, 0))
-    rows = np.zeros((3 * count, 6))
-    channels = np.sort(rng.choice(3 * count, count, replace=False))
-    rows[channels] = np.column_stack((positions, normals))
-    cells = [Cell(i + 1, p, turn, (i, i + 2)) for i, (p, turn) in enumerate(zip(positions, turns))]
-    path = tmp_path_factory.getbasetemp() / "written"
-    for content, expected in (
-        (icub_text(rows), channels),
-        (csv_text(positions, normals, tangents), np.arange(count)),
-        (tum_text(cells), np.arange(count)),
-    ):
-        path.write_text(content)
-        taxels = read_taxels(path)
-        assert (taxels.positions == positions).all() and taxels.channels.tolist() == expected.tolist()
-        assert_allclose(taxels.normals, normals, rtol=0, atol=1e-12)
-        if taxels.tangents is not None:
-            assert_allclose(taxels.tangents, tangents, rtol=0, atol=1e-12)
-    ids = [str(i + 1) for i in range(count)]
-    neighbours = [tuple(ids[j] for j in (i - 1, i + 1) if 0 <= j < count) for i in range(count)]
-    assert taxels.neighbours == tuple(neighbours)

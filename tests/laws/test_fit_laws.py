@@ -49,10 +49,8 @@ def tube(axis=None, margin=0.002):
 
 
 GRIDS = {
-    "auto": (WRIST, tube()),
     "auto axis and margin": (WRIST, tube(margin=None)),
-    "given axis": (WRIST, tube(NEAR_Z)),
-    "hole": (HOLED, tube(NEAR_Z)),
+    "given axis, a hole": (HOLED, tube(NEAR_Z)),
     "fanned planes": (WRIST, author_planes),
 }
 

@@ -7,6 +7,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.runtime import Skin
+from tests.examples import examples
 from tests.oracles import felt
 from tests.soles import cell_patch, skin_of
 
@@ -120,4 +121,4 @@ class Sequences(RuleBasedStateMachine):
 
 
 TestSequences = Sequences.TestCase
-TestSequences.settings = settings(max_examples=60, stateful_step_count=25, deadline=None)
+TestSequences.settings = settings(examples(80), stateful_step_count=25)

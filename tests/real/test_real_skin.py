@@ -1,6 +1,5 @@
 """Existing taxels on the links of their robots; the data is not part of the project and may be absent."""
 
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.geometry import AcrossGrid, Axis, CoverSpec, Cut, SectorGrid, cut_cover, fit_surface, load_mesh
 from skin_calib_addon.geometry.mesh.distance import closest, closest_on_triangles
 from skin_calib_addon.geometry.registration import find_frame, fit_nearby
-from skin_calib_addon.skin.imported import imported_taxels, placed
+from skin_calib_addon.skin.imported import imported_taxels
 from tests.shapes import Motion
 
 DATA = (Path(__file__).parents[2] / ".." / "shared" / "data").resolve()
@@ -143,24 +142,6 @@ def test_findings_of_the_icub_file():
     assert (again.positions == taxels.positions).all()
 
 
-def test_arm_in_a_wrong_frame_is_corrected():
-    """The declared frame is 31.6 mm off; the proposed one is as near to the mesh as the known one.
-
-    The arm is nearly a tube: the two frames differ by a possible slide along it.
-    """
-    points = read_taxels(TAXELS / "raw" / "icub_right_arm_wrong_frame.txt").positions
-    mesh = load_mesh(MESHES / "icub27_r_upper_arm.stl")
-    R = np.array([[-0.78573, -0.00283, 0.61856], [0.61856, 0.00009, 0.78574], [-0.00228, 1.0, 0.00168]])
-    known = points @ R.T + (9.868e-3, 27.648e-3, -17.411e-3)
-    fit = find_frame(mesh, points)
-    assert fit.verdict == "moved"
-    assert_allclose(fit.before.mean, 31.6e-3, rtol=0, atol=0.1e-3)
-    assert fit.after.mean <= closest(mesh, known)[0].mean()
-    assert fit.rival > 2.5 * fit.after.mean
-    assert np.rad2deg(np.arccos((np.trace(fit.rotation @ R.T) - 1) / 2)) < 1
-    assert np.linalg.norm(fit(points) - known, axis=1).mean() < 2 * fit.slack < 0.01
-
-
 @pytest.mark.parametrize(("part", "name"), [("leg_upper", "l_upper_leg"), ("forearm", "l_forearm")])
 def test_real_skin_is_brought_back_from_any_frame(part, name):
     """After a random motion the pose is unique, and the taxels are as near to the mesh as before, close to their
@@ -177,18 +158,6 @@ def test_real_skin_is_brought_back_from_any_frame(part, name):
         found.append(fit(motion.points(points)))
         assert np.linalg.norm(found[-1] - points, axis=1).mean() < 2 * fit.slack
     assert np.ptp(found, axis=0).max() < 0.5e-3
-
-
-def test_wrong_frame_of_real_skin_is_an_error_with_a_proposal():
-    """The taxels of the thigh in another frame are refused, with the correct frame as a proposal."""
-    mesh, _, fit = link("l_upper_leg")
-    taxel_set = read_taxels(TAXELS / "raw" / "icub_left_leg_upper.txt")
-    moved = replace(taxel_set, positions=Motion(4).points(taxel_set.positions))
-    result = imported_taxels(moved, fit.surface, "thigh", mesh)
-    (found,) = (f for f in result.findings if f.severity == "error")
-    assert found.code == "wrong-frame"
-    right = imported_taxels(placed(moved, **found.value), fit.surface, "thigh", mesh)
-    assert right.fit.verdict == "right" and right.before.mesh.mean < 0.57e-3
 
 
 def test_flat_sole_has_no_unique_frame():

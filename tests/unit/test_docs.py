@@ -152,17 +152,6 @@ def test_python_examples_run(page, monkeypatch):
         exec(block, {})
 
 
-def test_each_picture_has_a_command():
-    """The table of ``CONTRIBUTING.md`` has each picture of the documentation, and each program of it exists."""
-    rows = [line for line in (ROOT / "CONTRIBUTING.md").read_text("utf-8").splitlines() if line.startswith("| `")]
-    rows = [line.split("|")[1:3] for line in rows if ".png`" in line]
-    named = {name for pictures, _ in rows for name in re.findall(r"`([^`]+)`", pictures)}
-    there = {path.relative_to(DOCS) for path in DOCS.rglob("*.png")}
-    assert named == {f"{path.parent}/" if path.parent.name in ("steps", "real") else path.as_posix() for path in there}
-    programs = {word for _, command in rows for word in re.findall(r"python (\S+\.py)", command)}
-    assert len(programs) == 8 and all((ROOT / program).is_file() for program in programs)
-
-
 @pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda page: page.stem)
 def test_files_of_the_repository_exist(page):
     """Each file that a page names by its path in the repository is there."""

@@ -13,7 +13,6 @@ ALLOWED = {
     "blender/registration.py: _modules": "of the extension",
     "blender/command.py: _commands": "of the extension",
     "blender/overlay/drawing.py: _handles": "of the extension",
-    "blender/overlay/drawing.py: _prepared": "by a hash of plan and mesh",
     "blender/overlay/drawing.py: _cached": "by a token that undo restores on the link",
     "blender/inspection/replay.py: messages": "by a token that undo restores on the link",
     "blender/inspection/replay.py: _replays": "by a token that undo restores on the link",

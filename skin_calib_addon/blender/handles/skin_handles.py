@@ -60,7 +60,7 @@ class SKIN_GT_spot(bpy.types.Gizmo):
         """Fix the current position of a skin that was placed automatically, so that the drag starts there."""
         plan, (what, skin, _) = context.object.skin_calib, self.target
         patches = drawing.patches_of(context.object)
-        if what in ("origin", "direction") and len(patches) == len(plan.skins):
+        if what in ("origin", "direction") and patches:
             fix_pose(plan.skins[skin], patches[skin].taxels, metres_per_unit(context.scene))
             self.normal = Vector(patches[skin].taxels.normals_link[root_row(patches[skin].taxels)])
 
@@ -183,7 +183,7 @@ def basis_of(context: bpy.types.Context, target: Target) -> Matrix | None:
         owner, name = point_of(context.object.skin_calib, what, skin, index)
         return basis_at(context, Vector(getattr(owner, name)), Vector((0, 0, 1)))
     patches = drawing.patches_of(context.object)
-    if len(patches) != len(context.object.skin_calib.skins):
+    if not patches:
         return None
     taxels = patches[skin].taxels
     i, metre = root_row(taxels), metres_per_unit(context.scene)

@@ -5,18 +5,21 @@ Values on its object, lines in the view; the plan does not change.
 """
 
 import hashlib
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from ...calibration.exchange import FORMATS
+from ...common.arrays import Array
+from ...common.warnings import Warning
 from ...inspection.comparison import Comparison, compare, read_others
 from ...pipeline.refine import refine
 from ...pipeline.touch_distance import check_touches
 from ...validation import Placement, placements, read_touches, summarize
 from ..overlay import drawing
-from ..overlay.layers import comparison_of, touches_of
+from ..overlay.layers import Layer, comparison_of, touches_of
 from ..scene.plans import read_plan
 from ..scene.skins import move_skin
 from ..scene.units import metres_per_unit
@@ -29,28 +32,40 @@ ENDINGS = (".json", *TAXEL_ENDINGS)
 MAX_NOTES = 6
 
 
-def compare_with(link: bpy.types.Object, path: str, scene: bpy.types.Scene) -> Comparison:
-    """Compare the last result of a link with the taxels of a file, and store the result of the comparison."""
-    settings, taxels = link.skin_calib, taxels_of(link)
-    found = compare(taxels, read_others(path), result_of(link).cover, settings.link)
-    _write(settings.inspect.comparison, found, metres_per_unit(scene))
-    record, key = settings.inspect.comparison, settings.result.key
-    record.file, record.key = path, key
-    record.token = "comparison " + hashlib.sha256(key.encode() + found.ends.tobytes()).hexdigest()
-    drawing.cache(record.token, comparison_of(taxels, found))
-    drawing.redraw()
+def compare_with(link: bpy.types.Object, path: str) -> Comparison:
+    """Compare the last result of a link with the taxels of a file, and keep what was found."""
+    taxels = taxels_of(link)
+    found = compare(taxels, read_others(path), result_of(link).cover, link.skin_calib.link)
+    notes = (Warning("comparison", "warning", note) for note in found.notes[:MAX_NOTES])
+    _keep(link, "comparison", path, _lines_of(found), notes, found.ends, comparison_of(taxels, found))
     return found
 
 
-def _write(record: bpy.types.PropertyGroup, found: Comparison, metre: float) -> None:
-    distances = found.distances / metre
-    record.by = "by id" if found.by == "id" else "with the nearest"
-    record.pairs, record.worst = len(found.ours), found.worst
-    record.mean, record.max = distances.mean(), distances.max()
-    record.has_angles = found.angles is not None
+def _lines_of(found: Comparison) -> Iterator[str]:
+    distances = 1e3 * found.distances
+    yield f"{len(found.ours)} taxels paired {'by id' if found.by == 'id' else 'with the nearest'}"
+    yield f"Distance: mean {distances.mean():.4f} mm, max {distances.max():.4f} mm at {found.worst}"
     if found.angles is not None:
-        record.mean_angle, record.max_angle = found.angles.mean(), found.angles.max()
-    record.remarks = "\n".join(found.notes[:MAX_NOTES])
+        angles = np.rad2deg(found.angles)
+        yield f"Angle of the normals: mean {angles.mean():.2f}°, max {angles.max():.2f}°"
+
+
+def _keep(
+    link: bpy.types.Object,
+    name: str,
+    path: str,
+    lines: Iterable[str],
+    warnings: Iterable[Warning],
+    places: Array,
+    layers: tuple[Layer, ...],
+) -> None:
+    """Keep what was compared, and draw it as long as the fit is the same; ``places`` name the drawing."""
+    record, key = getattr(link.skin_calib.inspect, name), link.skin_calib.result.key
+    record.file, record.key, record.remarks = path, key, "\n".join(lines)
+    write_warnings(record.warnings, warnings)
+    record.token = f"{name} {hashlib.sha256(key.encode() + places.tobytes()).hexdigest()}"
+    drawing.cache(record.token, layers)
+    drawing.redraw()
 
 
 def name_of(path: str) -> str:
@@ -59,20 +74,15 @@ def name_of(path: str) -> str:
 
 
 def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
-    """Compare the last result of a link with a table of touches, and store the result of the comparison."""
-    settings = link.skin_calib
-    calibration, record, key = result_of(link).calibration, settings.inspect.touches, settings.result.key
+    """Compare the last result of a link with a table of touches, and keep what was found."""
+    calibration = result_of(link).calibration
     touches = read_touches(path, calibration)
     check_touches(calibration, touches)
     found = placements(calibration, touches)
     many = len(calibration.patches) > 1
-    record.file, record.key = path, key
-    record.remarks = "\n".join(_named(p, line, many) for p in found for line in summarize(p))
-    write_warnings(record.warnings, (warning for p in found for warning in p.warnings()))
-    places = np.concatenate([p.places for p in found])
-    record.token = "touches " + hashlib.sha256(key.encode() + places.tobytes()).hexdigest()
-    drawing.cache(record.token, touches_of(found))
-    drawing.redraw()
+    lines = (_named(p, line, many) for p in found for line in summarize(p))
+    warnings = (warning for p in found for warning in p.warnings())
+    _keep(link, "touches", path, lines, warnings, np.concatenate([p.places for p in found]), touches_of(found))
     return found
 
 

@@ -79,7 +79,7 @@ def errors_of(result: Calibrated) -> Array:
 
 
 def _write_faces(data: bpy.types.Mesh, corners: Array) -> None:
-    """Replace a mesh by one face for each taxel."""
+    """Replace a mesh by one face for each taxel, with its corners (n, k, 3) [m]."""
     repeated = (np.diff(corners, axis=1) == 0).all(axis=2)
     counts = corners.shape[1] - repeated.sum(axis=1)
     points = [taxel[:count] for taxel, count in zip(corners, counts)]

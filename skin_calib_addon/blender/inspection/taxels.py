@@ -29,12 +29,12 @@ def result_of(link: bpy.types.Object) -> Calibrated:
 
 def taxels_of(link: bpy.types.Object) -> AllTaxels:
     """Return the taxels of the last result of a link; raises as :func:`result_of` does."""
-    return drawing.prepare(link.skin_calib.result.key, result_of(link)).taxels
+    return drawing.layers_for(result_of(link)).taxels
 
 
 def all_taxels_of(link: bpy.types.Object) -> AllTaxels:
     """Return the taxels of the last result of a link, the disabled ones last; raises as :func:`result_of` does."""
-    return drawing.prepare(link.skin_calib.result.key, result_of(link)).with_disabled
+    return drawing.layers_for(result_of(link)).with_disabled
 
 
 def token_of(key: str, taxel: str) -> str:

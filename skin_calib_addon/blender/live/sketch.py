@@ -167,7 +167,7 @@ def _draw(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPlanes, m
 
 
 def _arm(point: Array, normal: Array, ends: Array) -> Array:
-    """Return the vector from a plane's point to the outermost point of its section, equal in parallel planes."""
+    """Return the vector (3,) from a plane's point to the outermost of ``ends`` (k, 3), equal in parallel planes [m]."""
     rim = ends[np.argmax(ends @ perpendicular(normal))]
     return rim - point - ((rim - point) @ normal) * normal
 

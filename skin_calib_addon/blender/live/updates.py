@@ -316,7 +316,6 @@ def _store(link: bpy.types.Object, fitted: Any) -> None:
 
 def store(link: bpy.types.Object, scene: bpy.types.Scene, key: str, result: Any) -> None:
     """Store and draw a complete fit."""
-    drawing.prepare(key, result)
     results.write_result(link, scene, result, key)
     read_again(link, scene)
 

@@ -2,6 +2,7 @@
 """Draw the layers of the fitted links over the 3D view."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from typing import Any
 
 import bpy
@@ -35,17 +36,13 @@ SWITCHABLE = (
 MAX_CACHED_LAYERS = 64  # marks and comparisons; smaller: undo over many steps does not show them again
 
 _handles: list[Any] = []
-_prepared: dict[str, Layers] = {}
 _cached: dict[str, tuple[Layer, ...]] = {}
 
 
-def prepare(key: str, result: Calibrated) -> Layers:
-    """Prepare a result for drawing and return its layers."""
-    for old in [k for k in _prepared if results.find(k) is None]:
-        del _prepared[old]
-    if key not in _prepared:
-        _prepared[key] = layers_of(result)
-    return _prepared[key]
+@lru_cache(maxsize=results.KEPT)  # results compare by identity
+def layers_for(result: Calibrated) -> Layers:
+    """Return the layers of a result, which are computed once."""
+    return layers_of(result)
 
 
 def cache(token: str, layers: tuple[Layer, ...]) -> None:
@@ -74,13 +71,14 @@ def is_of_last_fit(link: Any) -> bool:
 
 def layers_now(link: Any) -> Layers | None:
     """Return the layers of preview or fit that are drawn of an object now; None before the first fit."""
-    return session.of(link).layers or _prepared.get(link.skin_calib.result.key)
+    result = results.find(link.skin_calib.result.key)
+    return session.of(link).layers or (layers_for(result) if result else None)
 
 
 def patches_of(link: Any) -> Sequence[Patch]:
-    """Return the patches that are drawn of an object now, one for each of its skins; none before the first fit."""
+    """Return the patches that are drawn of an object now, one for each of its skins; none without a fit of these."""
     drawn = layers_now(link)
-    return drawn.patches if drawn else ()
+    return drawn.patches if drawn and len(drawn.patches) == len(link.skin_calib.skins) else ()
 
 
 def switched_on(link: Any) -> set[str]:
@@ -210,5 +208,5 @@ def unregister() -> None:
     """Stop drawing, and remove all arrays."""
     while _handles:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
-    _prepared.clear()
+    layers_for.cache_clear()
     _cached.clear()

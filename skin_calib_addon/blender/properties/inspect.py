@@ -55,28 +55,10 @@ class SKIN_PG_taxel(bpy.types.PropertyGroup):
     neighbours: text(name="Neighbours", description="Ids of the adjacent taxels")
 
 
-@with_millimetres
 class SKIN_PG_comparison(bpy.types.PropertyGroup):
-    """Distances of the taxels from those of a file."""
+    """Distances of the skin from the taxels of a file, or from touches."""
 
-    file: text(name="File", description="File of the other taxels")
-    key: text(description="Key of the fit that was compared")
-    token: text(description="Name under which its drawing is cached")
-    by: text(name="Paired", description="How taxels are paired")
-    pairs: whole(name="Pairs", description="Number of pairs")
-    mean: length(name="Mean", description="Mean distance of a pair")
-    max: length(name="Max", description="Largest distance of a pair")
-    has_angles: flag(description="Whether the file has normals")
-    mean_angle: angle(name="Mean Angle", description="Mean angle between the normals of a pair")
-    max_angle: angle(name="Max", description="Largest angle between the normals of a pair")
-    worst: text(name="Worst", description="Taxel with the largest distance")
-    remarks: text(description="Further remarks, one in a line")
-
-
-class SKIN_PG_touches(bpy.types.PropertyGroup):
-    """Distances of the skin from touches."""
-
-    file: text(name="File", description="The table of touches")
+    file: text(name="File", description="The file with the other taxels, or the touches")
     key: text(description="Key of the fit that was compared")
     token: text(description="Name under which its drawing is cached")
     remarks: text(description="Results, one in a line")
@@ -173,7 +155,7 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
         type=SKIN_PG_comparison, name="Comparison", description="Distances of the taxels from those of a file"
     )
 
-    touches: PointerProperty(type=SKIN_PG_touches, name="Touches", description="Distances of the skin from touches")
+    touches: PointerProperty(type=SKIN_PG_comparison, name="Touches", description="Distances of the skin from touches")
 
     replay: PointerProperty(type=SKIN_PG_replay, name="Replay", description="A recording that is shown over the skin")
 
@@ -186,9 +168,6 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
             yield self.marked_place
         if self.taxel.id and self.taxel.key == key:
             yield taxels.token_of(self.taxel.key, self.taxel.id)
-        if self.comparison.token and self.comparison.key == key:
-            yield self.comparison.token
-        if self.touches.token and self.touches.key == key:
-            yield self.touches.token
-        if self.replay.token and self.replay.key == key:
-            yield self.replay.token
+        for record in (self.comparison, self.touches, self.replay):
+            if record.token and record.key == key:
+                yield record.token

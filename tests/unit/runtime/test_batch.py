@@ -10,11 +10,8 @@ from skin_calib_addon.calibration import Response, ResponseTable, TaxelArray
 from skin_calib_addon.common.errors import InvalidReading
 from skin_calib_addon.runtime import Skin
 from skin_calib_addon.runtime import batch as batch_module
-from skin_calib_addon.runtime.components import component_counts
-from skin_calib_addon.runtime.geometry import neighbour_table
 from skin_calib_addon.runtime.touched import states, switched
 from tests.examples import slow
-from tests.oracles import components as flood_fill
 from tests.samples import cylinder, small_calibration
 from tests.soles import counting_sole, skin_of, sole_patch
 
@@ -104,8 +101,9 @@ SKINS = {
 
 
 @pytest.mark.parametrize("block", [slow(2**20), 1000])
-@pytest.mark.parametrize("has_times", [True, False])
-@pytest.mark.parametrize("name", SKINS)
+@pytest.mark.parametrize(
+    ("name", "has_times"), [*((name, True) for name in SKINS), ("thresholds", False), ("noise in cell", False)]
+)
 def test_batch_equals_the_loop(monkeypatch, name, has_times, block):
     """Every number equals that of the loop to 1e-12, with NaN, masked taxels, hysteresis and times that jump."""
     monkeypatch.setattr(batch_module, "BLOCK_NUMBERS", block)
@@ -157,17 +155,6 @@ def test_states_of_many_frames_are_those_of_one_after_another():
         assert_array_equal(states(on, stays, before), expected)
 
 
-def test_counts_equal_a_flood_fill():
-    """Connected components of random sets of a random graph are those of a flood fill."""
-    rng, n = np.random.default_rng(0), 60
-    pairs = np.unique(np.sort(rng.integers(0, n, (80, 2)), axis=1), axis=0)
-    pairs = pairs[pairs[:, 0] < pairs[:, 1]]
-    active = rng.random((200, n)) < rng.random((200, 1))
-    near = [[*pairs[pairs[:, 0] == i, 1], *pairs[pairs[:, 1] == i, 0]] for i in range(n)]
-    counts = component_counts(active, neighbour_table(pairs, n))
-    assert_array_equal(counts, [len(flood_fill(row, near)) for row in active])
-
-
 def test_types_and_sizes():
     """Whole numbers of 8 bits, no rows, one row, and extra channels are fine; other inputs are refused."""
     skin = two_feet()
@@ -211,24 +198,3 @@ def test_masked_numbers_of_a_batch_are_unknown(make):
     assert (ours.contact_counts[[0, 40]] == -1).all()
     with pytest.raises(InvalidReading, match="real numbers"):
         skin.batch(mask, times)
-
-
-@pytest.mark.parametrize("make", [two_feet, with_noise])
-def test_environments_of_a_simulator_do_not_depend_on_each_other(make):
-    """Thousands of environments (E, n): the result of each is that of a reading alone, in any order."""
-    skin, rng = make(), np.random.default_rng(6)
-    readings = np.zeros((4000, skin.reading_length))
-    readings[:, skin.channels] = (
-        60 * rng.random((4000, 1)) * (rng.random((4000, len(skin.ids))) < rng.random((4000, 1)))
-    )
-    together = skin.batch(readings)
-    order = rng.permutation(len(readings))
-    permuted = skin.batch(readings[order])
-    for name in ("forces", "known", "active", "contact_counts", "wrench", "load", "stands", "cop", "zmp"):
-        assert_allclose(getattr(permuted, name), getattr(together, name)[order], rtol=1e-12, atol=1e-12)
-    for e in rng.integers(0, len(readings), 20):
-        frame = copy.deepcopy(skin).update(readings[e], 0.0)
-        assert together.contact_counts[e] == len(frame.contacts) and together.stands[e] == frame.stands
-        assert_allclose(together.wrench[e], frame.wrench, rtol=1e-12, atol=1e-12)
-        if frame.cop is not None and frame.zmp is not None:
-            assert_allclose((together.cop[e], together.zmp[e]), (frame.cop, frame.zmp), rtol=1e-12, atol=1e-12)

@@ -11,7 +11,7 @@ from skin_calib_addon.common.errors import UnknownLink
 from skin_calib_addon.runtime import Body, Plane
 from skin_calib_addon.runtime.poses import checked_pose, pose_from_mujoco, pose_from_quaternion, pose_from_se3
 from tests.samples import sheet
-from tests.soles import SIDE, skin_of, sole_patch
+from tests.soles import SIDE, counting_sole, skin_of, sole_patch
 
 N = 42
 
@@ -70,6 +70,22 @@ def test_moments_within_the_cells_count_everywhere():
     for link in frame.links.values():
         assert_allclose(link.wrench, sum(c.wrench for c in link.contacts), atol=1e-9)
         assert_allclose((-link.wrench[4] / link.wrench[2], link.wrench[3] / link.wrench[2]), link.cop, atol=1e-12)
+
+
+def test_deviations_of_a_body_are_those_of_repeated_readings():
+    """Of two feet, one with four times the load of the other, CoP and ZMP scatter as stated."""
+    rng = np.random.default_rng(6)
+    forces = {"left": np.full((250, N), 8.0), "right": np.full((250, N), 2.0)}
+    readings = {name: np.rint(50 + rows / 0.2 + 2 * rng.normal(size=rows.shape)) for name, rows in forces.items()}
+    body = Body({name: counting_sole() for name in forces})
+    for skin in body.skins.values():
+        skin.tare(np.rint(50 + 2 * rng.normal(size=(250, N))))
+    poses = {"left": pose(y=0.1), "right": pose(y=-0.1)}
+    frames = [body.update({n: rows[k] for n, rows in readings.items()}, 0.01 * k, poses) for k in range(250)]
+    for name in ("cop", "zmp"):
+        found = np.std([getattr(frame, name) for frame in frames], axis=0)
+        stated = np.mean([getattr(frame, f"{name}_sigma") for frame in frames], axis=0)
+        assert_allclose(stated, found, rtol=0.25)
 
 
 def test_foot_in_the_air_is_left_out():

@@ -35,6 +35,7 @@ def flagged_after(skin, readings, period, start=10.0):
 
 
 CONVERTERS = [(12, 2.0), slow(12, 0.5), slow(16, 32.0), (16, 8.0)]
+FRAMES = 60  # more than a second of the slowest; a fault is flagged within one
 PERIODS = [slow(0.001), slow(0.004), 0.04]
 
 
@@ -89,11 +90,11 @@ def test_correct_order_is_not_flagged(shift, period):
     rng = np.random.default_rng(4)
     bits = 16 - shift
     for load in (0.0, 0.4):
-        counts = signal(rng, bits, 2.0, 3, load, 120, period)
+        counts = signal(rng, bits, 2.0, 3, load, FRAMES, period)
         for frames in (counts, counts << shift, counts.astype(np.int16) - 3):
             assert flagged_after(sole(16), frames, period) is None
     if shift == 7:
         return
-    jumps = np.where(rng.random((120, N)) < 0.5, 0, rng.integers(0, 2**bits, (120, N)))
-    for frames in (jumps, jumps << shift, np.where(jumps > 0, 256, 0), rng.normal(size=(120, N))):
+    jumps = np.where(rng.random((FRAMES, N)) < 0.5, 0, rng.integers(0, 2**bits, (FRAMES, N)))
+    for frames in (jumps, jumps << shift, np.where(jumps > 0, 256, 0), rng.normal(size=(FRAMES, N))):
         assert flagged_after(sole(16), frames, period) is None

@@ -39,10 +39,10 @@ def seconds(duration):
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_baseline_follows_a_slow_drift_of_free_taxels(sign):
-    """It is behind by rate times time constant; after 4 N of drift per taxel, the foot in the air does not stand."""
+    """It is behind by rate times time constant; after .5 N of it, the free foot does not stand."""
     rng, rate = np.random.default_rng(0), 0.4 / 60
     skin = rested(rng)
-    drift = sign * rate * seconds(120) * np.linspace(0.5, 1.5, N) + np.zeros(N)
+    drift = sign * rate * seconds(75) * np.linspace(0.5, 1.5, N) + np.zeros(N)
     frames = frames_of(skin, rng, drift)
     assert np.mean([f.stands for f in frames]) < 2e-3
     assert all("drift" not in f.flags and "below_rest" not in f.flags for f in frames)
@@ -94,13 +94,13 @@ def test_load_that_grows_at_a_tenth_of_the_limit_counts_as_drift():
 
 
 def test_constant_load_stays():
-    """A load at the limit of the sum, and a taxel at its detection limit, are there a minute later."""
+    """A load at the limit of the sum, and a taxel at its detection limit, are there three time constants later."""
     rng = np.random.default_rng(4)
     even, one = rested(rng), rested(rng)
-    frames = frames_of(even, rng, np.full((1500, N), even.noise.load_limit / N))
+    frames = frames_of(even, rng, np.full((750, N), even.noise.load_limit / N))
     assert np.mean([f.stands for f in frames]) > 0.998
     assert_allclose(np.mean([f.load for f in frames[-250:]]), np.mean([f.load for f in frames[:250]]), atol=1.0)
-    frames_of(one, rng, np.where(np.arange(N) == 5, one.noise.detection_limits.max(), np.zeros((1500, N))))
+    frames_of(one, rng, np.where(np.arange(N) == 5, one.noise.detection_limits.max(), np.zeros((750, N))))
     assert abs(one.drift[5]) * NEWTONS < 0.5 * SIGMA
 
 
@@ -136,13 +136,13 @@ def test_broken_taxel_does_not_keep_the_others():
     rng = np.random.default_rng(6)
     skin = rested(rng)
     skin.mask([skin.ids[3]])
-    readings = read(rng, 0.3 / 60 * seconds(60) + np.zeros(N)).astype(float)
+    readings = read(rng, 0.3 / 60 * seconds(30) + np.zeros(N)).astype(float)
     readings[:, 3], readings[::2, 7] = 4095, np.nan
     for k, reading in enumerate(readings):
         skin.update(reading, 10 + PERIOD * k)
     assert skin.drift[3] == skin.drift[7] == 0
     others = np.delete(skin.drift, [3, 7]) * NEWTONS
-    assert_allclose(others.mean(), 0.3 - 0.3 / 60 * TRACKING_TIME, atol=0.03)
+    assert_allclose(others.mean(), 0.3 / 60 * (30 - TRACKING_TIME), atol=0.02)
 
 
 def test_neighbours_of_a_taxel_that_is_possibly_touched_are_not_free():
@@ -219,12 +219,11 @@ def test_creep_must_be_positive(wrong):
         rested(np.random.default_rng(0), creep=wrong)
 
 
-@pytest.mark.parametrize("creep", [None, (0.3, 2.0)])
-@pytest.mark.parametrize("whole", [True, False])
+@pytest.mark.parametrize(("whole", "creep"), [(True, None), (False, (0.3, 2.0))])
 def test_batch_follows_drift_and_creep_as_the_loop(whole, creep):
     """Also with steps, jumps of the time and broken readings, and after updates of the skin."""
     rng = np.random.default_rng(8)
-    skin, time = rested(rng, creep=creep), np.arange(0, 16, 0.02)[:, None]
+    skin, time = rested(rng, creep=creep), np.arange(0, 12, 0.02)[:, None]
     forces = 0.02 * time * np.linspace(0, 1, N) + np.where((time % 1.5 < 1.0) & (time > 6), 10.0, 0.0)
     readings = read(rng, forces)
     if not whole:
@@ -234,8 +233,8 @@ def test_batch_follows_drift_and_creep_as_the_loop(whole, creep):
         skin.update(readings[0], 5 + 0.1 * k)
     times = 10 + time[:, 0]
     times[300:] += 5
-    times[500:] -= 2
-    times[650] = np.nan
+    times[400:] -= 2
+    times[500] = np.nan
     batch = skin.batch(readings, times)
     skin._readings.drift.drop_block()
     skin._active = np.zeros(N, bool)

@@ -76,7 +76,7 @@ def test_frames_of_events_are_those_of_full_readings(options, most):
     """Random events, from none to more than there are channels, with repeated ones; the last of them counts."""
     rng = np.random.default_rng(most)
     full, events = Skin(SKINS["both"], **options), Skin(SKINS["both"], **options)
-    rows, times = pushes(260, rng)
+    rows, times = pushes(130, rng)
     rest = np.rint(np.clip(rng.normal(10, 2, (100, LENGTH)), 0, 4095)).astype(np.uint16)
     full.tare(rest)
     events.tare(rest)
@@ -108,7 +108,7 @@ def test_events_and_full_readings_mix():
     """Each continues from the other; tare, masked taxels, lost numbers and times that are wrong included."""
     rng = np.random.default_rng(3)
     full, events = (Skin(SKINS["both"]) for _ in range(2))
-    rows, times = pushes(200, rng)
+    rows, times = pushes(150, rng)
     now = rows[0].astype(float)
     for k, (row, time) in enumerate(zip(rows, times)):
         if k % 50 == 20:
@@ -146,7 +146,7 @@ def test_skin_learns_its_noise_from_events():
     full, events = (Skin(calibration(response=Response((0.0, 0.01)))) for _ in range(2))
     now = np.rint(np.clip(rng.normal(0, 2, LENGTH), 0, 4095)).astype(np.uint16)
     same(full.update(now, 0.0), events.update(now, 0.0))
-    for k in range(1, 300):
+    for k in range(1, 250):
         indices = rng.permutation(LENGTH) if k % 23 else np.empty(0, int)
         now[indices] = np.rint(np.clip(rng.normal(0, 2, len(indices)), 0, 4095))
         same(full.update(now, k / 200), events.update_events(indices, now[indices], k / 200))

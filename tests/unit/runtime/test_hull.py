@@ -3,13 +3,12 @@
 from fractions import Fraction
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from skin_calib_addon.runtime.hull import HullTable, grid_step
 from skin_calib_addon.runtime.polygon import PolygonTable, from_grid
-from tests.oracles import hull_corners, turn
+from tests.oracles import hull_corners
 
 unit_floats = st.floats(-1, 1)
 unit_points = st.tuples(unit_floats, unit_floats)
@@ -40,44 +39,13 @@ def on_grid(points, step):
     return [tuple(round(Fraction(float(c)) / Fraction(step)) for c in point) for point in points]
 
 
-def assert_is_hull(corners, points):
-    """Check that corners are of the points, turn left, go around once from the leftmost, and no point is outside."""
-    assert set(corners) <= set(points) and bool(corners) == bool(points)
-    if not points:
-        return
-    assert corners[0] == min(points) and len(set(corners)) == len(corners)
-    edges = list(zip(corners, corners[1:] + corners[:1]))
-    assert all(turn(a, b, p) >= 0 for a, b in edges for p in points)
-    if len(corners) > 2:
-        assert all(turn(a, b, c) > 0 for (a, b), (_, c) in zip(edges, edges[1:] + edges[:1]))
-        forth = [b > a for a, b in edges]
-        assert sum(now != then for now, then in zip(forth, forth[1:] + forth[:1])) == 2
-    else:
-        assert min(corners) == min(points) and max(corners) == max(points)
-
-
 @given(clouds())
 def test_hull_equals_the_oracle(points):
     """It is the hull of the points on the grid, and equals a search over all pairs of points in every bit."""
     table = HullTable(points)
     corners = table.hull(np.arange(len(points)))
     whole = on_grid(points, table.step)
-    assert_is_hull(corners, whole)
     assert corners == hull_corners(whole)
-
-
-@given(clouds(), st.data())
-def test_hull_of_chosen_rows_is_that_of_their_points(points, data):
-    """Rows have several points, in any order, some twice; the table is valid after each call."""
-    k = data.draw(st.integers(1, 4))
-    points = points[: len(points) // k * k].reshape(-1, k, 2)
-    table = HullTable(points)
-    assert table.size == len(points)
-    whole = on_grid(points.reshape(-1, 2), table.step)
-    for _ in range(3):
-        rows = data.draw(st.lists(st.integers(0, len(points) - 1), max_size=8)) if len(points) else []
-        chosen = [whole[row * k + j] for row in rows for j in range(k)]
-        assert table.hull(np.array(rows, np.int64)) == hull_corners(chosen)
 
 
 @given(clouds(), st.integers(1, 2), st.data())
@@ -117,13 +85,6 @@ def test_corners_that_differ_in_the_last_bit_keep_the_area():
     table = HullTable(points)
     corners = table.hull(np.arange(len(points)))
     assert corners == [tuple(np.rint(corner / table.step).astype(int)) for corner in square]
-
-
-@pytest.mark.parametrize("shape", [(0, 2), (0, 6, 2), (5, 2), (5, 6, 2)])
-def test_no_rows_have_no_hull(shape):
-    """A foot in the air, with or without cells, has no corners."""
-    table = HullTable(np.ones(shape))
-    assert table.size == shape[0] and table.hull(np.empty(0, np.int64)) == []
 
 
 def test_hull_is_exact_for_a_turn_of_one_step():

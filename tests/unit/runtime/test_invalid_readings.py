@@ -252,34 +252,6 @@ def test_usual_period_is_that_of_regular_frames():
     assert clock.flags(time + 0.41) == frozenset() and clock.flags(time + 0.42) == {"dropped"}
 
 
-@pytest.mark.parametrize(("time", "stays"), [(0.008, True), (0.004, True), (0.0, False), (7.0, False), (np.nan, True)])
-def test_old_contacts_are_forgotten_after_a_jump(time, stays):
-    """After a jump or a step back in time, taxels need the upper force again, and contacts get new numbers."""
-    skin = sole()
-    skin.update(pressed_everywhere(), 0.001)
-    first = skin.update(pressed_everywhere(), 0.004).contacts[0].number
-    later = skin.update(pressed_everywhere(0.15), time)
-    assert later.active.all() == stays
-    if stays:
-        assert later.contacts[0].number == first
-    else:
-        assert skin.update(pressed_everywhere(), time + 0.004).contacts[0].number != first
-
-
-def test_refused_frame_leaves_the_skin_as_it_was():
-    """Valid frames are the same with and without invalid readings between them."""
-    rng = np.random.default_rng(3)
-    good = rng.uniform(0, 0.4, (30, N))
-    plain, disturbed = sole(), sole()
-    for k, reading in enumerate(good):
-        time = 0.004 * k
-        for broken in (None, np.zeros(3), np.full(N, np.nan), np.zeros((2, N)), ["x"] * N):
-            assert disturbed.update(broken, time).touched is None
-        a, b = plain.update(reading, time), disturbed.update(reading, time)
-        assert a.flags == b.flags and (a.active == b.active).all()
-        assert [c.number for c in a.contacts] == [c.number for c in b.contacts]
-
-
 anything = st.one_of(
     hnp.arrays(
         st.sampled_from(["u1", "u2", "i1", "i8", "u8", "f2", "f4", "f8", "?", "c8", "O", "U2", "M8[s]"]),
@@ -319,8 +291,8 @@ def test_polygons_of_a_frame_are_its_own():
     """
     skin, rng, reading = sole(), np.random.default_rng(1), pressed_everywhere()
     kept = []
-    for k in range(60):
-        if k % 20 == 0:
+    for k in range(30):
+        if k % 10 == 0:
             reading = rng.choice([0.0, 5.0], N)
         else:
             some = rng.integers(0, N, rng.integers(0, 3))

@@ -9,6 +9,7 @@ from skin_calib_addon.common.errors import InvalidReading
 from skin_calib_addon.runtime import Body, Skin
 from tests.samples import plane, small_calibration
 from tests.soles import skin_of, sole_patch
+from tests.unit.runtime.test_events import same
 
 N = 42
 NEAR = ResponseTable((0.0, 1000.0, 4000.0), (0.2, 0.05, 0.0))
@@ -35,16 +36,6 @@ def calibration():
 def sole():
     """Return the skin of this sole with thresholds."""
     return Skin(calibration(), switch_on=0.2, switch_off=0.1)
-
-
-def same(one, other):
-    """Check that two frames have the same forces and results, to the bit."""
-    assert one.flags == other.flags and one.problem == other.problem
-    for name in ("forces", "known", "saturated", "stuck", "active", "wrench"):
-        assert_array_equal(getattr(one, name), getattr(other, name))
-    for name in ("cop", "zmp"):
-        a, b = getattr(one, name), getattr(other, name)
-        assert (a is None) == (b is None) and (a is None or (a == b).all())
 
 
 def test_values_are_those_of_the_responses():

@@ -62,9 +62,7 @@ def test_levels_are_quantiles_of_the_noise():
         assert_allclose(learned.steps(learned.mean + sigmas * learned.sigma), weight, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("cells", "newtons", "offset"), [(2, 10.0, 0.0), (8, 10.0, 50.0), (21, 0.8, 0.0), (42, 0.8, 0.0), (42, 0.8, 50.0)]
-)
+@pytest.mark.parametrize(("cells", "newtons", "offset"), [(2, 10.0, 0.0), (8, 10.0, 50.0), (42, 0.8, 0.0)])
 def test_noise_of_free_taxels_moves_neither_load_nor_cop(cells, newtons, offset):
     """A few pressed cells, and loads below the noise of each cell: errors are zero on average, sigma holds 95 %."""
     rng, skin = np.random.default_rng(5), sole()
@@ -506,9 +504,10 @@ def first_flag(skin, readings, flag, period=0.004):
     return None
 
 
-@pytest.mark.parametrize(("noise", "offset"), [(2.0, 50.0), (0.5, 0.0)])
-@pytest.mark.parametrize("period", [slow(0.001), 0.004, 0.04])
-@pytest.mark.parametrize("loaded", [False, True])
+@pytest.mark.parametrize(
+    ("noise", "offset", "period", "loaded"),
+    [slow(2.0, 50.0, 0.001, True), (2.0, 50.0, 0.004, True), (0.5, 0.0, 0.004, False), (0.5, 0.0, 0.04, True)],
+)
 def test_frozen_bus_is_flagged(noise, offset, period, loaded):
     """One frame again and again is flagged within a second, and guarantees nothing; live frames before it are not."""
     rng = np.random.default_rng(4)
@@ -519,6 +518,12 @@ def test_frozen_bus_is_flagged(noise, offset, period, loaded):
         frame = skin.update(live[-1], 10 + period * (len(live) + k))
     assert "frozen" in frame.flags and frame.polygon.guaranteed.kind == "empty"
     assert "frozen" not in skin.update(read(rng, FREE, noise, 1, offset)[0], 12 + period * len(live)).flags
+
+
+def test_frames_that_are_equal_by_chance_are_not_frozen():
+    """With little noise most frames repeat the one before: the time to the flag follows from that probability."""
+    rng = np.random.default_rng(23)
+    assert first_flag(rested(rng, 0.22), read(rng, FREE, 0.22, 300), "frozen", 0.04) is None
 
 
 @pytest.mark.parametrize("offset", [0.0, 50.0])
@@ -573,20 +578,6 @@ def test_full_scale_without_a_range_is_stuck(noise):
     for k, reading in enumerate(readings):
         frame = skin.update(reading, 12 + 0.004 * k)
     assert frame.stuck.nonzero()[0].tolist() == [1]
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("noise", [2.0, 0.5])
-@pytest.mark.parametrize("offset", [0.0, 50.0])
-def test_live_readings_are_not_called_lies(noise, offset):
-    """10 000 frames with noise, in the air and loaded, after a short rest and a long one."""
-    rng = np.random.default_rng(10)
-    for frames in (25, 250):
-        skin = rested(rng, noise, offset, frames)
-        for k in range(100):
-            for i, reading in enumerate(read(rng, half_pressed(rng)[0] if k % 2 else FREE, noise, 50, offset)):
-                flags = skin.update(reading, 10 + 0.004 * (50 * k + i)).flags
-                assert flags.isdisjoint({"frozen", "below_rest", "stuck", "byte_order"})
 
 
 def arrays_in(record):

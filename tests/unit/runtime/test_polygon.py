@@ -297,7 +297,7 @@ def test_corners_cannot_be_changed():
 def test_erosion_keeps_the_points_at_which_the_cell_is_inside(kind):
     """With its centre at a corner the reflected cell touches an edge, and is inside; the area is that of the cut."""
     rng, areas = np.random.default_rng(1), []
-    for _ in range(300):
+    for _ in range(100):
         angle, points = rng.uniform(0, 2 * np.pi, 24), rng.normal(size=(24, 2))
         if kind == "lattice":
             points = rng.integers(0, 8, (24, 2)) * 0.01

@@ -198,17 +198,6 @@ def test_channels_are_positions_in_the_reading():
     assert skin.reading_length == 10 and skin.forces(reading).tolist() == [3.0, 5.0]
 
 
-def test_taxel_stays_active_down_to_the_lower_switch():
-    """Hysteresis of each taxel: active from the upper force on, inactive below the lower one."""
-    skin = closed_skin(switch_on=0.2, switch_off=0.1)
-    active = [len(skin.update(pressed([(0, 0)], f), 0).contacts) for f in (0.19, 0.2, 0.15, 0.1, 0.09, 0.15, 0.19, 0.2)]
-    assert active == [0, 1, 1, 1, 0, 0, 0, 1]
-    skin = closed_skin(switch_on=0.2, switch_off=0.1)
-    skin.update(pressed([(0, 0)], 1.0), 0)
-    (contact,) = skin.update(pressed([(0, 0), (0, 5)], 0.15), 0).contacts
-    assert contact.ids == ("round.0.0",)
-
-
 @pytest.mark.parametrize(
     ("reading", "message"),
     [
