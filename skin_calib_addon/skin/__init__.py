@@ -6,7 +6,7 @@ from ..calibration.model import TaxelArray
 from ..geometry.surface.bspline import BSplineSurface
 from .boards.board_taxels import board_taxels
 from .boards.ground import Zone
-from .boards.layout import Choice, WrappedBoards, lay_boards, wrap_boards
+from .boards.layout import Choice, WrappedBoards, lay_boards
 from .lattice import HexLattice, SheetLattice
 from .sheet.landmarks import Landmark
 from .sheet.taxels import sheet_taxels
@@ -23,7 +23,6 @@ __all__ = [
     "lay_boards",
     "sheet_taxels",
     "wrap",
-    "wrap_boards",
     "wrap_sheet",
 ]
 

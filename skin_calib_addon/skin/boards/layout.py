@@ -16,7 +16,7 @@ from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.footpoints import footpoints
 from ..lattice import HexLattice
 from ..sheet.offset import offset_surface
-from ..sheet.wrap import check_size, on_surface, root_of
+from ..sheet.wrap import on_surface, root_of
 from .flat_map import FlatMap, flat_map, lengths_of
 from .ground import GAP_LIMIT, MAX_ANGLE, MAX_DISTANCE, MAX_GAP, Ground, Zone
 from .overlap import TOUCH, largest_apart, overlapping
@@ -165,49 +165,6 @@ def lay_boards(
             boards = _rooted(boards, layout.to_flat)
         return boards, np.zeros(len(boards.cells))
     return layout.listed(np.array(choice, np.int64).reshape(-1, 2), *layout.at_start)
-
-
-def wrap_boards(
-    surface: BSplineSurface,
-    lattice: HexLattice,
-    cells: Sequence[Sequence[int]] | IntArray,
-    origin: ArrayLike | None,
-    direction: ArrayLike,
-    *,
-    offset: float = 0.0,
-) -> WrappedBoards:
-    """Place given boards on the tangent planes of a surface, see :func:`lay_boards`.
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface, in the link frame.
-    lattice : HexLattice
-        The flat lattice.
-    cells : sequence of (q, r)
-        Axial coordinates of the boards.
-    origin : array, shape (3,), or None
-        Position of the centre of the root cell (0, 0), with or without a board [m]; its nearest surface point counts.
-        None takes the middle of the surface.
-    direction : array, shape (3,)
-        Direction of the row at the root, in the link frame; its tangential part counts.
-    offset : float
-        Height of the middle planes of the boards above the surface [m].
-
-    Returns
-    -------
-    WrappedBoards
-
-    Raises
-    ------
-    InvalidPlan
-        If the direction is perpendicular to the surface, the offset folds the surface, or boards overlap.
-    OutsideSurface
-        If the centre of a board is outside the surface; names the first board.
-    """
-    check_size(surface, (lattice.pitch, lattice.pitch))
-    choice = [(int(q), int(r)) for q, r in np.asarray(cells)]
-    return lay_boards(surface, lattice, choice, origin, direction, offset=offset)[0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,12 +94,9 @@ def test_moved_plan_is_what_its_file_gives():
     assert found.point == pytest.approx((0.10001, -0.20002, 0.30003)) and found.normal == (0, -1, 0)
 
 
-@pytest.mark.parametrize("mirrored", [True, False])
-def test_skins_of_a_moved_plan_are_the_moved_skins(mirrored):
-    """A sheet and boards on a sector that is no mirror image of itself: each taxel of the twin is that of the link."""
-    transform, side = np.eye(4), -1 if mirrored else 1
-    transform[:3, :3] = Rotation.from_euler("xyz", (0.3, -0.2, 0.5)).as_matrix() @ np.diag((1, side, 1))
-    transform[:3, 3] = 0.05, -0.1, 0.2
+@pytest.fixture(scope="module")
+def of_arm():
+    """A plan with a sheet and boards on a sector that is no mirror image of itself, and its taxels."""
     axis = {"point": [0, 0, 0], "direction": [0.15, 0, 1]}
     grid = {"kind": "patch", "axis": axis, "from": -0.4, "to": 1.3, "margin": 0.03, "n": 6, "lines": 8}
     grid["spacing"] = "uniform"
@@ -111,11 +108,21 @@ def test_skins_of_a_moved_plan_are_the_moved_skins(mirrored):
     ]
     document = {"format": "skin-plan", "version": 1, "link": "left", "mesh": "left.ply", "unit": "m"}
     plan = plan_from(document | {"grid": grid, "skins": skins})
+    return plan, calibrate(plan, arm()).calibration
+
+
+@pytest.mark.parametrize("mirrored", [True, False])
+def test_skins_of_a_moved_plan_are_the_moved_skins(of_arm, mirrored):
+    """Each taxel of the twin is that of the link."""
+    transform, side = np.eye(4), -1 if mirrored else 1
+    transform[:3, :3] = Rotation.from_euler("xyz", (0.3, -0.2, 0.5)).as_matrix() @ np.diag((1, side, 1))
+    transform[:3, 3] = 0.05, -0.1, 0.2
+    plan, here = of_arm
     mesh = arm()
     faces = mesh.faces[:, ::-1] if mirrored else mesh.faces
     there = weld(mesh.vertices @ transform[:3, :3].T + transform[:3, 3], faces)
-    here, found = calibrate(plan, mesh), calibrate(moved_plan(plan, "right", Twin("left", transform, 0.0)), there)
-    for a, b in zip(here.calibration.patches, found.calibration.patches):
+    found = calibrate(moved_plan(plan, "right", Twin("left", transform, 0.0)), there).calibration
+    for a, b in zip(here.patches, found.patches):
         assert len(a.taxels.ids) == len(b.taxels.ids) > 3
         expected = a.taxels.positions_link @ transform[:3, :3].T + transform[:3, 3]
         np.testing.assert_allclose(b.taxels.positions_link, expected, atol=5e-5)

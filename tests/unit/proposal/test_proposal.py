@@ -36,14 +36,14 @@ RADIUS, LENGTH = 0.025, 0.06
 
 
 def block():
-    """A box of 100 x 80 x 60 mm with faces of a few millimetres."""
-    mesh = box((0, 0, 0), (0.1, 0.08, 0.06))
+    """A box of 75 x 60 x 45 mm with faces of a few millimetres."""
+    mesh = box((0, 0, 0), (0.075, 0.06, 0.045))
     return welded(subdivided(subdivided(mesh)))
 
 
 def test_area_is_that_which_skins_cover():
     """Skins are on the surface through the corners of a tube with twelve sides, 1.5 mm above the middle of each."""
-    mesh = cylinder(around=12)
+    mesh = cylinder(length=0.05, around=12)
     on = LinkPoints.of(mesh)
     found = propose_surfaces(mesh, on)
     covered = np.any([surface.covered for surface in found], axis=0)
@@ -69,7 +69,7 @@ def test_all_sides_of_a_box_are_covered():
     """Six flat faces: six surfaces, each of one face, which cover nearly all of it."""
     mesh = block()
     on = LinkPoints.of(mesh)
-    assert on.areas.sum() == pytest.approx(2 * (0.1 * 0.08 + 0.1 * 0.06 + 0.08 * 0.06), rel=1e-6)
+    assert on.areas.sum() == pytest.approx(2 * (0.075 * 0.06 + 0.075 * 0.045 + 0.06 * 0.045), rel=1e-6)
     found = propose_surfaces(mesh, on)
     assert len(found) == 6
     assert on.areas[on.covered].sum() > 0.75 * on.areas.sum()
@@ -148,7 +148,7 @@ def test_small_parts_of_large_links_stay_without_a_surface(monkeypatch):
         monkeypatch.setattr("skin_calib_addon.proposal.surfaces.MIN_FRACTION", part)
         mesh = block()
         found = propose_surfaces(mesh, LinkPoints.of(mesh))
-        assert [round(p.area / 0.008, 1) for p in found] == [1.0] * count
+        assert [round(p.area / 0.0045, 1) for p in found] == [1.0] * count
 
 
 @pytest.mark.parametrize("turn", [0, 40])
@@ -243,12 +243,11 @@ def test_proposal_is_a_plan_that_can_be_carried_out(tube, tmp_path, skin):
 
 
 def test_faces_back_to_back_count_once(tmp_path):
-    """They had twice the area, and no board was parallel to the normal of the second one: all of them, or a third."""
+    """They had twice the area, and no board was parallel to the normal of the second one: a third of them."""
     mesh = welded(subdivided(subdivided(box((0, 0, 0), (0.06, 0.05, 0.008)))))
-    doubled = (np.concatenate((mesh.faces, mesh.faces[::every, ::-1])) for every in (1, 3))
-    plain, *others = (proposed(weld(mesh.vertices, faces), tmp_path) for faces in (mesh.faces, *doubled))
-    for found in others:
-        assert (found.seen, found.free, found.cells) == pytest.approx((plain.seen, plain.free, plain.cells))
+    doubled = np.concatenate((mesh.faces, mesh.faces[::3, ::-1]))
+    plain, found = (proposed(weld(mesh.vertices, faces), tmp_path) for faces in (mesh.faces, doubled))
+    assert (found.seen, found.free, found.cells) == pytest.approx((plain.seen, plain.free, plain.cells))
     assert plain.cells > 0.5 * plain.free
 
 
@@ -349,8 +348,6 @@ def test_skin_of_a_file(tmp_path, capsys):
     with pytest.raises(InvalidPlan, match="size"):
         parse_skin(str(path))
     path.write_text(json.dumps({"kind": "imported"}))
-    with pytest.raises(InvalidPlan, match="no sheet or hexagons"):
-        parse_skin(str(path))
     assert main(["propose", "robot.urdf", "-o", "plans", "--skin", str(path)]) == 1
     assert "no sheet or hexagons" in capsys.readouterr().err
 
@@ -390,9 +387,9 @@ URDF = """<robot name="arm">
 </robot>"""
 
 
-def test_totals_are_of_the_plans_that_are_made(tube, tmp_path, capsys):
+def test_totals_are_of_the_plans_that_are_made(tmp_path, capsys):
     """A plan that exists is counted, and its area is not known; names may have the characters of patterns."""
-    save_mesh(tube, tmp_path / "upper.ply")
+    save_mesh(box((0, 0, 0), (0.05, 0.04, 0.004)), tmp_path / "upper.ply")
     urdf, plans = tmp_path / "arm.urdf", tmp_path / "plans"
     urdf.write_text(URDF.replace('"upper"', '"b[1]*x"'))
     words = ["propose", str(urdf), "-o", str(plans), "--except", "lost", "--skin", "sheet:2x3x8mm"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from skin_calib_addon.calibration import load_calibration
+from skin_calib_addon.calibration.file import load_calibration
 from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import InvalidMesh, InvalidPlan
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh, weld
@@ -57,25 +57,14 @@ def test_mesh_is_that_of_the_link(robot):
     assert (mesh.vertices == mesh.vertices.astype(np.float32)).all()
 
 
-def test_calibration_is_that_of_the_same_mesh_in_a_file(robot, tmp_path):
-    """Surface and taxels are equal to the bit; name and hash of the mesh are those of URDF and geometry."""
-    assert fit(robot) == 0
-    found = load_calibration(robot / "out" / "arm.calibration.json")
-    mesh = load_urdf_mesh(robot / "bot" / "bot.urdf", "arm")
-    save_mesh(mesh, robot / "arm.ply")
-    plan = write_plan(robot, "arm", link="arm", mesh="arm.ply")
-    assert main(["fit", str(plan), "-o", str(robot / "alone.json")]) == 0
-    alone = load_calibration(robot / "alone.json")
-    assert (found.mesh.file, found.mesh.sha256) == ("bot.urdf", alone.mesh.sha256)
-    np.testing.assert_array_equal(found.surfaces[0].control_net, alone.surfaces[0].control_net)
-    np.testing.assert_array_equal(found.patches[0].taxels.positions_link, alone.patches[0].taxels.positions_link)
-
-
 def test_sources_have_the_urdf_and_its_meshes(robot, capsys):
-    """A change of any of them is found by ``check``, and fitted again."""
-    fit(robot)
+    """A change of any of them is found by ``check``, and fitted again; the URDF does not contradict its own plan."""
+    words = ["fit", str(robot / "bot" / "bot.urdf"), str(robot / "plans"), "-o", str(robot / "out")]
+    assert main(words) == 0 and "robot" not in capsys.readouterr().err
     known = json.loads((robot / "out" / "arm.sources.json").read_text())
     assert known["mesh"] == "../bot/bot.urdf"
+    mesh, urdf = load_calibration(robot / "out" / "arm.calibration.json").mesh, robot / "bot" / "bot.urdf"
+    assert (mesh.file, mesh.sha256) == ("bot.urdf", load_urdf_mesh(urdf, "arm").sha256)
     assert list(known["inputs"]) == [
         *("../plans/arm.plan.json", "../bot/bot.urdf", "../bot/meshes/tube.STL", "../bot/meshes/box.ply")
     ]
@@ -90,14 +79,6 @@ def test_sources_have_the_urdf_and_its_meshes(robot, capsys):
     assert "arm.calibration.json: " not in capsys.readouterr().err
     main(["check", str(robot / "out" / "arm.calibration.json")])
     assert "bot.urdf is unchanged" in capsys.readouterr().out
-    fit(robot)
-
-
-def test_robot_does_not_contradict_its_own_plan(robot, capsys):
-    """``fit`` with the URDF has no warning about names, origins or scales."""
-    words = ["fit", str(robot / "bot" / "bot.urdf"), str(robot / "plans"), "-o", str(robot / "out")]
-    assert main(words) == 0
-    assert "robot" not in capsys.readouterr().err
 
 
 def break_mesh(robot):
@@ -148,6 +129,7 @@ def test_wrong_scale_is_found(robot):
         load_urdf_mesh(urdf, "arm")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", ["g1_description/g1_29dof_rev_1_0.urdf", "jvrc_description/urdf/jvrc1.urdf"])
 def test_all_links_of_real_robots_load(file):
     """35 links each, from STL files and from DAE files in packages."""

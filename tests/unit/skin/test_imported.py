@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.calibration.exchange import TaxelSet
 from skin_calib_addon.common.errors import InvalidPlan
-from skin_calib_addon.common.findings import warning
 from skin_calib_addon.skin.imported import (
     MAX_CELL_RADIUS,
     frame_on,
@@ -272,14 +271,6 @@ def test_taxels_off_the_surface_are_named():
     assert imported_taxels(taxel_set(round_it), cone_surface(RADIUS, RADIUS), "s").findings == ()
 
 
-def test_findings_of_the_file_come_first():
-    """Findings of the reader are kept."""
-    found = (warning("no-taxel", "line 5", "is a row of zeros"),)
-    positions = flat(lattice(3, 3, "square"), 0.02)
-    result = imported_taxels(taxel_set(positions, findings=found), plane_surface(), "s")
-    assert [finding.code for finding in result.findings] == ["no-taxel", "far"]
-
-
 def wrist_taxels():
     """Return taxels on the wrist in another frame, and the motion into that frame."""
     motion = Motion(11)
@@ -366,23 +357,6 @@ def test_pitch_is_the_median_of_the_spacing():
     """It is the median over positions, not taxels: equal positions count once, and an isolated one has no influence."""
     positions = np.vstack((flat(lattice(5, 5, "triangle")), [[0.09, 0.07, 0]]))
     assert_allclose(median_pitch(np.repeat(positions, 2, axis=0), "s"), PITCH, rtol=1e-9)
-
-
-def test_moving_everything_moves_the_taxels():
-    """Positions, normals, tangents and corners move with surface, mesh and file; the rest is unchanged."""
-    motion, s = Motion(21), wrist_surface()
-    moved = type(s)(motion.points(s.control_net), s.knots_u, s.knots_v, s.degree, s.closed)
-    raised = on_wrist() + 0.001 * s.normals(imported_taxels(taxel_set(on_wrist()), s, "s").taxels.uv)
-    here = imported_taxels(taxel_set(raised), s, "s", wrist())
-    there = imported_taxels(taxel_set(motion.points(raised)), moved, "s", motion.mesh(wrist()))
-    a, b = here.taxels, there.taxels
-    assert_allclose(b.positions_link, motion.points(a.positions_link), rtol=0, atol=1e-12)
-    assert_allclose(b.corners_link, motion.points(a.corners_link), rtol=0, atol=1e-8)
-    for name in ("normals_link", "tangents_link"):
-        assert_allclose(getattr(b, name), motion.directions(getattr(a, name)), rtol=0, atol=1e-7)
-    assert_allclose(b.quality["gap"], a.quality["gap"], rtol=0, atol=1e-10)
-    assert_allclose(b.quality["gap"], 0.001, rtol=1e-3)
-    assert b.neighbours == a.neighbours and there.fit.verdict == here.fit.verdict == "right"
 
 
 def test_a_slightly_wrong_frame_is_a_warning():

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from skin_calib_addon.geometry.mesh.triangle_files import read_triangles
-from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, save_mesh
+from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
 from tests.shapes import cylinder
 
 
@@ -62,12 +62,3 @@ def test_other_forms_are_for_the_general_reader(tmp_path, general, form):
     path.write_bytes(FORMS[form](general))
     kind = "stl" if "stl" in form else "off" if form == "other" else "ply"
     assert read_triangles(path, kind) is None
-
-
-def test_text_is_read_as_the_binary_file(tmp_path, general):
-    """The general reader and the one of plain files give the same mesh."""
-    (tmp_path / "a.ply").write_bytes(general.export(file_type="ply"))
-    (tmp_path / "b.ply").write_bytes(general.export(file_type="ply", encoding="ascii"))
-    a, b = (load_mesh(tmp_path / f"{name}.ply") for name in "ab")
-    np.testing.assert_allclose(a.vertices, b.vertices, atol=1e-8)
-    assert len(a.faces) == len(b.faces) == len(general.faces)

@@ -1,12 +1,10 @@
 """What of a mesh can be seen from outside: exact answers of simple bodies."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
 
-from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, read_mesh, weld
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, weld
 from skin_calib_addon.geometry.mesh.visibility import (
     MAX_POINTS,
     are_seen,
@@ -16,8 +14,6 @@ from skin_calib_addon.geometry.mesh.visibility import (
     visibility,
 )
 from tests.shapes import box, cylinder, same_mesh, sheet, shuffled, subdivided, together, welded, wrist
-
-DATA = Path(__file__).parents[5] / "shared" / "data"
 
 
 def turned(mesh, chosen):
@@ -147,10 +143,3 @@ def test_number_of_points_is_limited():
     assert distance > 2e-3
     assert MAX_POINTS / 4 < len(sample_faces(long, distance)[0]) < MAX_POINTS + len(long.faces)
     assert visibility(cylinder(0.02, 0.03)).seen.all()  # and a small one
-
-
-def real(name):
-    """A real link, without repeated corners."""
-    if not (DATA / name).is_file():
-        pytest.skip(f"no {name} here")
-    return read_mesh(DATA / name)

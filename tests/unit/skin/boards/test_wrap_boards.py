@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.common.errors import InvalidPlan, OutsideSurface
+from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry import TubeGrid, fit_surface
 from skin_calib_addon.plan.skins import GAP, SIDE
-from skin_calib_addon.skin import HexLattice, board_taxels, wrap_boards
+from skin_calib_addon.skin import HexLattice, board_taxels, lay_boards
 from skin_calib_addon.skin.boards.board_taxels import board_at
 from skin_calib_addon.skin.lattice import PORTS
 from tests.examples import examples, slow
@@ -21,7 +21,8 @@ BLOCK = np.array([(q, r) for r in range(-1, 3) for q in range(-2, 3)])
 
 def placed(surface, cells=BLOCK, lattice=TUM, origin=None, direction=(0, 1, 0), **options):
     """Return the taxels of boards."""
-    return board_taxels(wrap_boards(surface, lattice, cells, origin, direction, **options), "b")
+    cells = [tuple(cell) for cell in np.asarray(cells).tolist()]
+    return board_taxels(lay_boards(surface, lattice, cells, origin, direction, **options)[0], "b")
 
 
 def pitches(taxels):
@@ -34,7 +35,7 @@ def pitches(taxels):
     return np.array([np.hypot(radius[i] * turn, points[i, 2] - points[j, 2]) for (i, j), turn in zip(pairs, turns)])
 
 
-@examples(20)
+@examples(10)
 @given(heading=st.floats(-np.pi, np.pi), gap=st.floats(-0.001, 0.003))
 def test_plane_is_the_identity(heading, gap):
     """Boards and corners keep their flat positions, without tilt, gap or collision."""
@@ -95,12 +96,10 @@ def test_thick_boards_on_a_bend_do_not_collide(rise):
     flat = bent(0.0)
     wider = []
     for thickness in (0.0005, 0.002):
-        spread = [
-            np.ptp(placed(s, origin=(0.1, 0.1, 0), direction=(1, 0, 0), offset=thickness).positions_link[:, 0])
-            for s in (bent(rise), flat)
-        ]
-        wider.append(spread[0] - spread[1])
-        taxels = placed(bent(rise), origin=(0.1, 0.1, 0), direction=(1, 0, 0), offset=thickness)
+        taxels, even = (
+            placed(s, origin=(0.1, 0.1, 0), direction=(1, 0, 0), offset=thickness) for s in (bent(rise), flat)
+        )
+        wider.append(np.ptp(taxels.positions_link[:, 0]) - np.ptp(even.positions_link[:, 0]))
         assert_allclose(taxels.quality["collision"], 0, atol=1e-12)
     assert wider[1] > wider[0]
     with pytest.raises(
@@ -175,12 +174,6 @@ def test_offset_raises_the_boards_and_keeps_their_pitch_there():
     taxels = placed(cone_surface(0.05, 0.05, 0.3), origin=(0.05, 0, 0.15), offset=0.0002)
     assert_allclose(np.linalg.norm(taxels.positions_link[:, :2], axis=1), 0.0502, rtol=0, atol=1e-6)
     assert np.abs(pitches(taxels) - TUM.pitch).max() < 1e-5
-
-
-def test_board_off_the_surface_is_named():
-    """The error names the first board with its centre beyond an edge, and the distance."""
-    with pytest.raises(OutsideSurface, match=r"board \[2, 2\] lies \d+\.\d mm beyond the edge u = 1 of the surface"):
-        placed(plane_surface(0.15, 0.15), origin=(0.075, 0.075, 0), direction=(1, 0, 0))
 
 
 @pytest.mark.parametrize(("side", "gap"), [(0.0, 0.001), (-0.01, 0.1), (0.01, -0.02)])

@@ -15,16 +15,6 @@ from tests.shapes import LENGTH, RADIUS, cone_surface, plane_surface, wrist_surf
 SQUARE = (0.01, 0.01)
 
 
-@pytest.mark.parametrize("columns", [20, 22, 24, 40])
-def test_closure_of_a_cylinder_is_its_circumference_less_the_rows(columns):
-    """A short row leaves a gap, a long row or a second turn an overlap; there is no step."""
-    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(3, columns, SQUARE), None, (0, 1, 0))
-    found = closure(sheet)
-    assert found.of == "rows" and found.lines.tolist() == [0, 1, 2]
-    assert_allclose(found.gaps, 2 * np.pi * RADIUS - 0.01 * columns, rtol=0, atol=5e-6)
-    assert_allclose(found.steps, 0, atol=1e-6)
-
-
 @pytest.mark.parametrize("hand", ["right", "left"])
 def test_closure_of_a_helix_has_a_step(hand):
     """The beginning of an inclined row is 33 mm to the side of its end, along one arc; the sheet is 20 mm wide."""

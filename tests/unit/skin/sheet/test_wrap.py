@@ -1,7 +1,5 @@
 """Sheets placed on surfaces with a known unrolling."""
 
-import sys
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.common.errors import InvalidPlan, OutsideSurface, SkinCalibError
-from skin_calib_addon.geometry import BSplineSurface, TubeGrid, fit_surface
+from skin_calib_addon.geometry import BSplineSurface
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
 from skin_calib_addon.skin.sheet.constraints import pin_constraints, row_axis
 from skin_calib_addon.skin.sheet.net import grid_net
@@ -17,7 +15,7 @@ from skin_calib_addon.skin.sheet.relax import relax
 from skin_calib_addon.skin.sheet.strain import cell_strain
 from skin_calib_addon.skin.sheet.wrap import WrappedSheet
 from tests.examples import examples
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cone_surface, plane_surface, wrist, wrist_surface
+from tests.shapes import LENGTH, RADIUS, cone_surface, plane_surface, wrist_surface
 
 SQUARE = (0.01, 0.01)
 # Error of a cell whose normal rotates by 17 degrees: the arcs between nodes are approximated by cubics.
@@ -260,30 +258,6 @@ def test_trimmed_sheet_on_a_curved_surface_has_the_positions_of_a_whole_one():
     assert np.linalg.norm(rows - small, axis=2).max() < 1e-3
 
 
-def coarse_centres(surface, fine, parts):
-    """Centres of cells ``parts`` times as large as those of a fine sheet, from its nodes."""
-    points = surface.points(fine.uv.reshape(-1, 2)).reshape(*fine.lattice.node_shape, 3)
-    return points[parts :: 2 * parts, parts :: 2 * parts]
-
-
-@pytest.mark.parametrize("origin", [None, (0.036, -0.004, 0.012)])
-def test_sheet_agrees_with_a_four_times_finer_one(origin):
-    """On a doubly curved wrist, the mean difference is below 0.5 mm, the maximum below 1 mm, centred and from a
-    corner.
-    """
-    surface = wrist_surface()
-    coarse, fine = (SheetLattice(4 * k, 18 * k, (0.01 / k, 0.01 / k)) for k in (1, 4))
-    start = None
-    sheet = wrap_sheet(surface, coarse, origin, (0, 1, 0))
-    if origin is not None:  # the centre of its corner cell is farther inside
-        start = surface.points(sheet.uv[1:2, 1])[0]
-        arm = surface.points(sheet.uv[[0, 1, 1, 2], [1, 0, 2, 1]])
-        start = start + 0.375 * ((arm[0] - arm[3]) + (arm[1] - arm[2]))
-    moved = coarse_centres(surface, wrap_sheet(surface, fine, start, (0, 1, 0)), 4) - centres(sheet)
-    away = np.linalg.norm(moved, axis=2)
-    assert away.mean() < 5e-4 and away.max() < 1e-3
-
-
 def test_sheet_is_the_same_from_any_first_guess():
     """Nodes displaced by up to a millimetre converge to the same positions."""
     surface, lattice = wrist_surface(), SheetLattice(5, 16, SQUARE)
@@ -297,53 +271,3 @@ def test_sheet_is_the_same_from_any_first_guess():
         thrown[net.pin] = uv[net.pin]
         again = relax(surface, net, thrown, constraints)
         assert np.linalg.norm(surface.points(again) - surface.points(uv), axis=1).max() < 5e-5
-
-
-@pytest.mark.parametrize(
-    ("ends", "chords", "climb"),
-    [((0.035, 0.035), False, 0.3), ((0.042, 0.030), True, 0.0), ((0.058, 0.026), True, 0.3)],
-)
-def test_sheet_on_a_fitted_tube_agrees_with_the_unrolling(ends, chords, climb):
-    """On fits of a cylinder and of cones of 4.3 and 11.3 degrees the mean error is below 0.05 mm and the maximum below
-    0.1 mm, from the corner cell. With the chord correction they are 0.02 and 0.05 mm.
-    """
-    length, lattice = 0.16, SheetLattice(6, 22, SQUARE)
-    surface = fit_surface(cone(*ends, length, 96, 49), TubeGrid(20, 60, Z_AXIS, margin=1e-4), chords=chords).surface
-    i, j = lattice.index.T
-    flat_places = np.column_stack(((j - 10.5) * 0.01, (i - 2.5) * 0.01))
-    truth = unrolled_from_the_middle(ends, length, flat_places, climb)
-    little = np.array((1e-6, 0))
-    along = unrolled_from_the_middle(ends, length, flat_places[:1] + little, climb)[0] - truth[0]
-    found = sheet_taxels(wrap_sheet(surface, lattice, truth[0], along), "s").positions_link
-    off = np.linalg.norm(found - truth, axis=1)
-    assert off.mean() < (2e-5 if chords else 5e-5) and off.max() < (5e-5 if chords else 1e-4)
-
-
-def unrolled_from_the_middle(ends, length, flat_places, climb):
-    """Flat positions on a cone about z, unrolled from the middle of its line at y = 0, with inclined rows."""
-    slope, radius = np.arctan((ends[0] - ends[1]) / length), (ends[0] + ends[1]) / 2
-    c, s = np.cos(climb), np.sin(climb)
-    x, y = (flat_places @ np.array(((c, s), (-s, c)))).T
-    if slope == 0:
-        return np.column_stack((radius * np.cos(x / radius), radius * np.sin(x / radius), length / 2 + y))
-    tip = radius / np.sin(slope)
-    distance, turn = np.hypot(x, tip - y), np.arctan2(x, tip - y) / np.sin(slope)
-    away = distance * np.sin(slope)
-    return np.column_stack((away * np.cos(turn), away * np.sin(turn), length / 2 + (tip - distance) * np.cos(slope)))
-
-
-@pytest.mark.parametrize("origin, trim", [((0.0, -0.0341, 0.04), False), (None, True)])
-def test_sheet_converges_faster_from_a_similar_surface(origin, trim, monkeypatch):
-    """The position is the same to a hundredth of the pitch without a first guess, on a different surface too."""
-    lattice = SheetLattice(6, 12, SQUARE)
-    one, alike = (fit_surface(wrist(), TubeGrid(n, 20, Z_AXIS, 0.004)).surface for n in (8, 9))
-    other = fit_surface(cone(), TubeGrid(8, 20, Z_AXIS, 0.004)).surface
-    before = wrap_sheet(one, lattice, origin, (1, 1, 0), trim=trim)
-    expected = {id(s): centres(wrap_sheet(s, lattice, origin, (1, 1, 0), trim=trim)) for s in (alike, other)}
-    guessed = []
-    module = sys.modules[wrap_sheet.__module__]
-    monkeypatch.setattr(module, "unroll", lambda *a, real=module.unroll: guessed.append(1) or real(*a))
-    for surface in (alike, other):
-        near = wrap_sheet(surface, lattice, origin, (1, 1, 0), trim=trim, near=before)
-        assert_allclose(centres(near), expected[id(surface)], atol=1e-4)
-        assert not guessed
