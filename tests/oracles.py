@@ -358,3 +358,9 @@ def nearest_in_convex(point, corners):
         t = min(max(t, Fraction(0)), Fraction(1))
         feet.append((a[0] + t * dx, a[1] + t * dy))
     return min(feet, key=lambda foot: (foot[0] - point[0]) ** 2 + (foot[1] - point[1]) ** 2)
+
+
+def box_distance(points, low, high):
+    """Return the exact distance of points from a solid box, 0 inside."""
+    away = np.maximum(np.maximum(np.asarray(low) - points, points - np.asarray(high)), 0)
+    return np.linalg.norm(away, axis=-1)

@@ -1,21 +1,19 @@
 """Where other links come too near: against signed distances of boxes and cylinders at many joint positions."""
 
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
 from skin_calib_addon.common.errors import CalibrationFormatError, UnknownLink
-from skin_calib_addon.geometry.mesh.visibility import sample_faces, visibility
+from skin_calib_addon.geometry.mesh.visibility import sample_faces
 from skin_calib_addon.robot.keep_out import CLEARANCE, FIXED_PARTS, KeepOut, paths_from
 from skin_calib_addon.robot.kinematics import link_poses
-from skin_calib_addon.robot.link_mesh import load_link
 from skin_calib_addon.robot.urdf import Joint, Robot, read_robot
+from tests.oracles import box_distance
 from tests.shapes import box, together, welded
 
-ROBOTS = Path(__file__).parents[4] / "shared" / "data" / "robots"
 UP = np.array((0, 0, 1.0))
 # [m] gaps between ball and body at which the answer may be either: the side of a cell
 EITHER = 2.5e-3
@@ -32,12 +30,6 @@ def floor(low, high, count, height=0.0):
     x, y = np.meshgrid(np.linspace(low, high, count), np.linspace(low, high, count))
     points = np.column_stack((x.ravel(), y.ravel(), np.full(x.size, height)))
     return points, np.tile(UP, (len(points), 1))
-
-
-def box_distance(points, low, high):
-    """Exact distance from a solid box, 0 inside."""
-    away = np.maximum(np.maximum(np.asarray(low) - points, points - np.asarray(high)), 0)
-    return np.linalg.norm(away, axis=-1)
 
 
 def agrees(found, gaps):
@@ -179,36 +171,6 @@ def test_unknown_link_is_an_error():
     """It names the nearest one."""
     with pytest.raises(UnknownLink, match="robot.urdf has no link.*bsae.*base"):
         KeepOut(robot(Joint("j", "fixed", "base", "arm")), {})("bsae", np.zeros((0, 3)), np.zeros((0, 3)))
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize(
-    "file, low, high",
-    [("g1_description/g1_29dof_rev_1_0.urdf", 0.5, 0.62), ("jvrc_description/urdf/jvrc1.urdf", 0.66, 0.78)],
-)
-def test_free_area_of_whole_robots(file, low, high):
-    """An independent study, with undirected steps of its own, found 55 % free on the G1 and 71 % on JVRC-1."""
-    if not (ROBOTS / file).is_file():
-        pytest.skip(f"no {file} here")
-    if "jvrc" in file:
-        pytest.importorskip("collada")
-    model = read_robot(ROBOTS / file)
-    meshes = {
-        link: load_link(ROBOTS / file, model, link)
-        for link in model.links
-        if any(m.use == "visual" for m in model.links[link])
-    }
-    covers, seen_area, free_area = KeepOut(model, meshes), 0.0, 0.0
-    for link, mesh in meshes.items():
-        points, face, areas = sample_faces(mesh, 6e-3)
-        found = visibility(mesh)
-        seen = np.random.default_rng(0).permutation(np.flatnonzero(found.seen[face]))[:4000]
-        normals = (mesh.face_normals * found.sides[:, None])[face[seen]]
-        weight = areas[seen] * areas[found.seen[face]].sum() / areas[seen].sum()
-        seen_area += weight.sum()
-        free_area += weight[~covers(link, points[seen], normals)].sum()
-    print(f"{file}: {seen_area * 1e4:.0f} cm2 seen, {100 * free_area / seen_area:.1f} % free")
-    assert low < free_area / seen_area < high
 
 
 @pytest.mark.parametrize("limit", [0.5, 1e6, 1e300])

@@ -1,7 +1,6 @@
 """A plan whose mesh is a URDF: all visual meshes of its link, through every command."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,12 +12,10 @@ from skin_calib_addon.common.errors import InvalidMesh, InvalidPlan
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh, weld
 from skin_calib_addon.plan import load_plan
 from skin_calib_addon.robot.link_mesh import load_plan_mesh, load_urdf_mesh
-from skin_calib_addon.robot.urdf import read_robot
 from tests.shapes import LENGTH, box, cylinder, together
 from tests.unit.commands.test_cli import write_plan
 from tests.unit.robot.test_robot_mesh import shape
 
-ROBOTS = Path(__file__).parents[4] / "shared" / "data" / "robots"
 MM = "0.001 -0.001 0.001"
 TUBE = cylinder(around=24, along=8)
 INNER = box((-0.01, -0.01, 0.01), (0.01, 0.01, LENGTH - 0.01))
@@ -127,18 +124,3 @@ def test_wrong_scale_is_found(robot):
     urdf.write_text(urdf.read_text().replace(MM, "1 1 1"))
     with pytest.raises(InvalidMesh, match="arm has a diameter of .* m in bot.urdf. Correct the scale"):
         load_urdf_mesh(urdf, "arm")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("file", ["g1_description/g1_29dof_rev_1_0.urdf", "jvrc_description/urdf/jvrc1.urdf"])
-def test_all_links_of_real_robots_load(file):
-    """35 links each, from STL files and from DAE files in packages."""
-    if not (ROBOTS / file).exists():
-        pytest.skip("the robots are not here")
-    if "jvrc" in file:
-        pytest.importorskip("collada")
-    robot = read_robot(ROBOTS / file)
-    links = [link for link, meshes in robot.links.items() if any(mesh.use == "visual" for mesh in meshes)]
-    assert len(links) == 35
-    for link in links:
-        assert len(load_urdf_mesh(ROBOTS / file, link).faces) > 10

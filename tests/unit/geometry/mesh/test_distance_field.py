@@ -3,13 +3,8 @@
 import numpy as np
 
 from skin_calib_addon.geometry.mesh.distance_field import DistanceField
+from tests.oracles import box_distance
 from tests.shapes import box
-
-
-def box_distance(points, low, high):
-    """Exact distance from a solid box, 0 inside."""
-    away = np.maximum(np.maximum(np.asarray(low) - points, points - np.asarray(high)), 0)
-    return np.linalg.norm(away, axis=-1)
 
 
 def test_distances_far_from_a_link_are_lower_bounds_and_near_ones_exact():

@@ -1,7 +1,6 @@
 """Choice of boards on a surface: as many as fit, all at a given position, or those of the author."""
 
 import pathlib
-import tracemalloc
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh
 from skin_calib_addon.plan import load_plan
 from skin_calib_addon.plan.skins import GAP, SIDE
 from skin_calib_addon.skin import HexLattice, Zone, lay_boards
-from skin_calib_addon.skin.boards.ground import MAX_GAP, Ground
+from skin_calib_addon.skin.boards.ground import MAX_GAP
 from tests.examples import slow
 from tests.shapes import Z_AXIS, cone_surface, cylinder, keep, plane_surface, sheet, with_hole, wrist_surface
 
@@ -46,18 +45,6 @@ def test_all_keeps_the_origin_and_the_direction():
     assert set(map(tuple, boards.cells.tolist())) == set(map(tuple, many[fits].tolist()))
     assert_allclose(overhang, 0)
     assert_allclose(np.sort(corners(boards, SMALL).ravel()), np.sort(places[fits].ravel()), rtol=0, atol=1e-9)
-
-
-def test_surfaces_of_one_mesh_use_one_table_of_its_faces():
-    """The second one takes less than 20 bytes for each face; with a million faces, each took 220 MB."""
-    fit, uv = flat_fit(sheet(lambda x, y: 0 * x, (0.1, 0.08), (150, 120))), np.array([[0.5, 0.5]])
-    assert Ground(fit.surface, fit, (), 0.008).carries(uv).all()
-    tracemalloc.start()
-    second = Ground(fit.surface, fit, (), 0.008)
-    assert second.carries(uv).all()
-    grown = tracemalloc.get_traced_memory()[0]
-    tracemalloc.stop()
-    assert grown < 20 * len(fit.mesh.faces)
 
 
 def test_boards_without_a_gap_fit_on_a_dome():

@@ -36,30 +36,21 @@ def above(plate, height, degrees=0.0):
 
 
 @pytest.mark.parametrize(
-    ("height", "carries"), [(0.99e-3, True), (1.01e-3, False), (-0.99e-3, True), (-1.01e-3, False)]
+    ("height", "degrees", "carries"),
+    [(0.99e-3, 0, True), (-1.01e-3, 0, False), (0, 14.9, True), (0, 15.1, False), (0, -15.1, False)],
 )
-def test_centres_of_boards_are_within_1_mm_of_the_mesh(plate, height, carries):
-    """On both sides of the mesh."""
-    assert above(plate, height).carries(MIDDLE).tolist() == [carries]
+def test_boards_are_within_1_mm_and_15_degrees_of_the_faces(plate, height, degrees, carries):
+    """On both sides of the mesh; in the middle of the plate, which the turned surface touches."""
+    assert above(plate, height, degrees).carries(MIDDLE).tolist() == [carries]
 
 
-@pytest.mark.parametrize(("degrees", "carries"), [(14.9, True), (15.1, False), (-14.9, True), (-15.1, False)])
-def test_boards_are_within_15_degrees_of_the_faces(plate, degrees, carries):
-    """In the middle of the plate, where the turned surface touches it."""
-    assert above(plate, 0.0, degrees).carries(MIDDLE).tolist() == [carries]
-
-
-@pytest.mark.parametrize(("height", "is_over"), [(0.29, True), (0.31, False), (-0.29, True), (-0.31, False)])
-def test_corners_of_boards_are_within_3_tenths_of_a_side_of_the_mesh(plate, height, is_over):
-    """On both sides of the mesh."""
-    point = np.array(((0.05, 0.04, height * SIDE),))
-    assert above(plate, 0.0).is_over_mesh(point, UP[None]).tolist() == [is_over]
-
-
-@pytest.mark.parametrize(("aside", "is_over"), [(0.1, True), (0.102, False)])
-def test_point_beyond_an_edge_by_half_of_its_height_is_over_the_mesh(plate, aside, is_over):
-    """At a height of a fifth of a side: a tenth, and a thousandth for what touches."""
-    point = np.array(((0.1 + aside * SIDE, 0.04, 0.2 * SIDE),))
+@pytest.mark.parametrize(
+    ("aside", "height", "is_over"),
+    [(0, 0.29, True), (0, 0.31, False), (0, -0.31, False), (0.1, 0.2, True), (0.102, 0.2, False)],
+)
+def test_points_of_boards_are_over_the_mesh(plate, aside, height, is_over):
+    """Within three tenths of a side, and beyond an edge of the mesh by half of the height; in sides."""
+    point = np.array(((0.05 + (aside > 0) * 0.05 + aside * SIDE, 0.04, height * SIDE),))
     assert above(plate, 0.0).is_over_mesh(point, UP[None]).tolist() == [is_over]
 
 

@@ -21,18 +21,12 @@ MAX_NODE_DISTANCE = 5e-5  # [m] of a node that is placed from its exact position
 
 
 @pytest.fixture
-def guesses(monkeypatch):
-    """Return a list that grows with each first guess."""
+def calls(monkeypatch):
+    """Return a list of the first guesses ("unroll") and the searches for an origin ("root_of") that are made."""
     made, module = [], sys.modules[wrap_sheet.__module__]
-    monkeypatch.setattr(module, "unroll", lambda *a, real=module.unroll: made.append(1) or real(*a))
-    return made
-
-
-@pytest.fixture
-def searches(monkeypatch):
-    """Return a list that grows with each search for the origin of a sheet."""
-    made, module = [], sys.modules[wrap_sheet.__module__]
-    monkeypatch.setattr(module, "root_of", lambda *a, real=module.root_of: made.append(1) or real(*a))
+    for name in ("unroll", "root_of"):
+        real = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *a, name=name, real=real: made.append(name) or real(*a))
     return made
 
 
@@ -74,58 +68,58 @@ def test_preview_of_a_coarse_sheet_places_all_nodes():
 
 
 @pytest.mark.parametrize("lattice", [FINE, COARSE])
-def test_preview_starts_from_the_placement_before_a_small_change(lattice, guesses):
+def test_preview_starts_from_the_placement_before_a_small_change(lattice, calls):
     """One column less and a rotation by a degree need no first guess; a rotation by 90 degrees needs one."""
     surface, turned = wrist_surface(), (0, 1, 0.02)
     before = wrap_sheet(surface, lattice, None, (0, 1, 0), preview=True)
     expected = wrap_sheet(surface, lattice, None, turned, preview=True)
-    guesses.clear()
+    calls.clear()
     after = wrap_sheet(surface, lattice, None, turned, preview=True, near=before)
-    assert not guesses
+    assert "unroll" not in calls
     points = [surface.points(sheet.uv.reshape(-1, 2)) for sheet in (after, expected)]
     assert np.linalg.norm(points[0] - points[1], axis=1).max() < MAX_NODE_DISTANCE
     more = replace(lattice, columns=lattice.columns - 1)
     of_other = [wrap_sheet(surface, more, None, turned, preview=True, near=near) for near in (before, None)]
-    assert len(guesses) == 1
+    assert calls.count("unroll") == 1
     points = [surface.points(sheet.uv.reshape(-1, 2)) for sheet in of_other]
     assert np.linalg.norm(points[0] - points[1], axis=1).max() < MAX_NODE_DISTANCE
-    guesses.clear()
+    calls.clear()
     wrap_sheet(surface, replace(lattice, pitch=(0.001, 0.001)), None, (0, 0, 1), preview=True, near=before)
-    assert guesses
+    assert "unroll" in calls
 
 
-def test_preview_does_not_start_from_a_fold(guesses):
+def test_preview_does_not_start_from_a_fold(calls):
     """A placement whose cells are turned over is left, because a fold has no strain and would stay."""
     surface = cone_surface(RADIUS, RADIUS)
     fine = wrap_sheet(surface, COARSE, None, (0, 1, 0), preview=True)
-    guesses.clear()
+    calls.clear()
     folded = replace(fine, uv=fine.uv[::-1])  # the rows have the same direction
     after = wrap_sheet(surface, COARSE, None, (0, 1, 0), preview=True, near=folded)
-    assert guesses
+    assert "unroll" in calls
     assert_allclose(after.uv, fine.uv, atol=1e-9)
 
 
 @pytest.mark.parametrize("origin", [None, (RADIUS, 0.0, 0.05)])
-def test_preview_finds_the_origin_from_the_placement_before(origin, searches):
+def test_preview_finds_the_origin_from_the_placement_before(origin, calls):
     """On a surface that has moved a little, the origin needs no search."""
     before, after = (
         replace(cone_surface(RADIUS, top), centre=np.array((RADIUS, 0.0, 0.05))) for top in (RADIUS, RADIUS + 1e-5)
     )
     near = wrap_sheet(before, COARSE, origin, (0, 1, 0), preview=True)
     expected = wrap_sheet(after, COARSE, origin, (0, 1, 0), preview=True)
-    searches.clear()
+    calls.clear()
     found = wrap_sheet(after, COARSE, origin, (0, 1, 0), preview=True, near=near)
-    assert not searches
+    assert "root_of" not in calls
     points = [after.points(sheet.uv.reshape(-1, 2)) for sheet in (found, expected)]
     assert np.linalg.norm(points[0] - points[1], axis=1).max() < MAX_NODE_DISTANCE
 
 
-def test_origin_that_has_moved_away_is_searched_for(searches):
+def test_origin_that_has_moved_away_is_searched_for(calls):
     """A descent from the other side of the link ends away from the origin."""
     surface, lattice = cone_surface(RADIUS, RADIUS), SheetLattice(2, 3, (0.005, 0.005))
     here, there = (RADIUS, 0.0, 0.05), (-RADIUS, 0.0, 0.05)
     near = wrap_sheet(surface, lattice, here, (0, 1, 0), preview=True)
-    searches.clear()
+    calls.clear()
     found = wrap_sheet(surface, lattice, there, (0, 1, 0), preview=True, near=near)
-    assert searches
+    assert "root_of" in calls
     assert_allclose(surface.points(found.uv[1, 1][None])[0], there, atol=1e-4)
