@@ -37,7 +37,6 @@ class Twin:
 
     link: str  # name of the former
     transform: Array  # (4, 4), takes points of the former's link frame to the frame of the twin
-    distance: float  # mean distance of the meshes after it [m]
 
     def __post_init__(self):
         freeze(self, transform=(4, 4))
@@ -67,9 +66,8 @@ def find_twins(robot: Robot, meshes: Mapping[str, TriangleMesh]) -> dict[str, Tw
         mirrored = [(former, across @ poses[former], MIRRORED_DISTANCE) for former in links[:i]]
         equal = [(former, np.eye(4), EQUAL_DISTANCE) for former in links[:i]]
         for former, transform, limit in mirrored + equal:
-            distance = samples[former].distance(samples[link], transform)
-            if distance < limit:
-                twins[link] = Twin(former, transform, distance)
+            if samples[former].distance(samples[link], transform) < limit:
+                twins[link] = Twin(former, transform)
                 break
     return twins
 

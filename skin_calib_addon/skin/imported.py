@@ -20,6 +20,7 @@ from ..geometry.registration import MAX_SKIN_THICKNESS, ON_MESH_DISTANCE, RigidF
 from ..geometry.surface.bspline import BSplineSurface
 from ..geometry.surface.footpoints import footpoints
 from .board_planes import board_planes
+from .neighbours import mutual
 from .sheet.constraints import MIN_DIRECTION_SINE
 
 # Smallest cosine of the angle between a board of a file and the surface that it belongs to. Larger: more boards have
@@ -101,7 +102,7 @@ def imported_taxels(
         tangents_link=tangents,
         corners_link=corners,
         areas=fan_areas(positions, corners),
-        neighbours=_symmetric(ids, adjacent),
+        neighbours=mutual(ids, adjacent),
         quality={"gap": gap},
     )
     fit = None if mesh is None else find_frame(mesh, given)
@@ -239,15 +240,6 @@ def _at_ports(taxel_set: TaxelSet) -> IntArray:
     named = enumerate(taxel_set.neighbours or ())
     pairs = [(row, row_of[label]) for row, labels in named for label in labels if row_of.get(label, row) != row]
     return np.array(pairs, np.int64).reshape(-1, 2)
-
-
-def _symmetric(ids: tuple[str, ...], pairs: IntArray) -> tuple[tuple[str, ...], ...]:
-    """Return the ids of the neighbours of each taxel; a neighbour in one direction is one in both."""
-    adjacent: list[set[int]] = [set() for _ in ids]
-    for a, b in pairs.tolist():
-        adjacent[a].add(b)
-        adjacent[b].add(a)
-    return tuple(tuple(ids[j] for j in sorted(row)) for row in adjacent)
 
 
 def _tangents(taxel_set: TaxelSet, surface: BSplineSurface, uv: Array, normals: Array) -> Array:

@@ -43,8 +43,13 @@ def neighbours(ids: tuple[str, ...], positions: Array, normals: Array, *outlines
     aside = np.abs((gap * np.cross(normals[a], ahead)).sum(axis=1)) / half[side]
     near = (far >= -1 - ROUNDING) & (far <= 2 - ROUNDING) & (aside <= 1 + ROUNDING) & (a != b)
     near &= (normals[a] * normals[b]).sum(axis=1) > 0
+    return mutual(ids, np.column_stack((a[near], b[near])))
+
+
+def mutual(ids: tuple[str, ...], pairs: IntArray) -> Neighbours:
+    """Return the ids of the neighbours of each taxel from pairs (k, 2); a neighbour in one direction is one in both."""
     found: list[set[int]] = [set() for _ in ids]
-    for i, j in zip(a[near].tolist(), b[near].tolist()):
+    for i, j in pairs.tolist():
         found[i].add(j)
         found[j].add(i)
     return tuple(tuple(ids[j] for j in sorted(row)) for row in found)

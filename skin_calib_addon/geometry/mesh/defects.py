@@ -158,7 +158,7 @@ def diagnose(vertices: Any, faces: Any) -> Diagnosis:
         doubled=np.bincount(single)[single] > 1,
         part=part,
         seen=seen,
-        joined=_joined(len(mesh.faces), edge, face),
+        joined=int(components(len(mesh.faces) + len(numbers), face, len(mesh.faces) + edge).max()) + 1,
         rims=rims,
         rim_face=face[on_rim],
         hole=_holes(len(mesh.vertices), rims),
@@ -196,14 +196,6 @@ def edges_at(segments: Array, vertices: Array, edges: IntArray) -> BoolArray:
     wanted, given = vertex[: 2 * len(segments)].reshape(-1, 2), vertex[2 * len(segments) :][edges]
     first, second = (pair.min(axis=1) * len(points) + pair.max(axis=1) for pair in (wanted, given))
     return np.isin(second, first)
-
-
-def _joined(faces: int, edge: IntArray, face: IntArray) -> int:
-    """Return the number of parts if every edge connected all its faces."""
-    order = np.argsort(edge, kind="stable")
-    edge, face = edge[order], face[order]
-    same = edge[1:] == edge[:-1]
-    return int(components(faces, face[:-1][same], face[1:][same]).max(initial=-1)) + 1
 
 
 def _holes(vertices: int, rims: IntArray) -> IntArray:

@@ -116,7 +116,7 @@ def wrap_sheet(
     OutsideSurface
         If the centre of a cell is outside the surface; names the first cell.
     """
-    check_size(surface, lattice.pitch)
+    _check_size(surface, lattice.pitch)
     layer = offset_surface(surface, offset)
     name = "The origin"
     if landmarks:
@@ -237,22 +237,18 @@ def root_near(surface: BSplineSurface, origin: ArrayLike | None, near: WrappedSh
     return surface.wrap(uv)[0] if distance[0] <= MAX_ROOT_DISTANCE * min(near.lattice.pitch) else None
 
 
-def size_of(surface: BSplineSurface) -> float:
-    """Return the diagonal of the bounding box of the control points [m]."""
-    return float(np.linalg.norm(np.ptp(surface.control_net.reshape(-1, 3), axis=0)))
-
-
 def on_surface(surface: BSplineSurface, uv: Array) -> BoolArray:
     """Return whether parameters (..., 2) are within the edges of the surface."""
     return (surface.closed | (np.abs(uv - 0.5) <= 0.5 + PARAMETER_TOLERANCE)).all(axis=-1)
 
 
-def check_size(surface: BSplineSurface, pitch: tuple[float, float]) -> None:
-    """Check that a cell is not larger than the surface."""
-    if max(pitch) > size_of(surface):
+def _check_size(surface: BSplineSurface, pitch: tuple[float, float]) -> None:
+    """Check that a cell is not larger than the bounding box of the control points."""
+    size = float(np.linalg.norm(np.ptp(surface.control_net.reshape(-1, 3), axis=0)))
+    if max(pitch) > size:
         raise InvalidPlan(
             f"a cell of {pitch[0] * 1e3:g} x {pitch[1] * 1e3:g} mm is larger than the whole surface, "
-            f"{size_of(surface) * 1e3:.1f} mm. Use smaller cells, or check the unit of the mesh"
+            f"{size * 1e3:.1f} mm. Use smaller cells, or check the unit of the mesh"
         )
 
 

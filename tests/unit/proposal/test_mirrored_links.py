@@ -88,7 +88,7 @@ def test_moved_plan_is_what_its_file_gives():
     plan = plan_from(document | {"surfaces": [surface]})
     shift = np.diag((1.0, -1.0, 1.0, 1.0))
     shift[:3, 3] = 1e-5, -2e-5, 3e-5
-    moved = moved_plan(plan, "right", Twin("left", shift, 0.0))
+    moved = moved_plan(plan, "right", Twin("left", shift))
     assert plan_from(plan_document(moved)) == moved
     (found,) = moved.surfaces[0].cover.cuts
     assert found.point == pytest.approx((0.10001, -0.20002, 0.30003)) and found.normal == (0, -1, 0)
@@ -121,7 +121,7 @@ def test_skins_of_a_moved_plan_are_the_moved_skins(of_arm, mirrored):
     mesh = arm()
     faces = mesh.faces[:, ::-1] if mirrored else mesh.faces
     there = weld(mesh.vertices @ transform[:3, :3].T + transform[:3, 3], faces)
-    found = calibrate(moved_plan(plan, "right", Twin("left", transform, 0.0)), there).calibration
+    found = calibrate(moved_plan(plan, "right", Twin("left", transform)), there).calibration
     for a, b in zip(here.patches, found.patches):
         assert len(a.taxels.ids) == len(b.taxels.ids) > 3
         expected = a.taxels.positions_link @ transform[:3, :3].T + transform[:3, 3]
