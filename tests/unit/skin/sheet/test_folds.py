@@ -70,6 +70,17 @@ def test_sheet_around_a_bend_is_the_unrolling(shape, concave, u, heading):
     assert pdist(positions).min() > 0.9 * SQUARE[0]
 
 
+@pytest.mark.parametrize(("height", "waves", "heading"), [(0.012, 3, 0.5), (0.018, 4, 0.5)])
+def test_sheet_on_waves_starts_from_a_guess_without_a_fold(height, waves, heading):
+    """Geodesics through every node cross each other in the hollows; longer steps follow the waves less."""
+    knots = clamped_knots(24, 3)
+    x, y = np.meshgrid(0.2 * greville(knots, 3), 0.2 * greville(knots, 3), indexing="ij")
+    z = height * np.sin(10 * np.pi * waves * x) * np.sin(10 * np.pi * waves * y)
+    surface = BSplineSurface(np.stack((x, y, z), axis=-1), knots, knots, (3, 3), (False, False))
+    sheet = wrap_sheet(surface, SheetLattice(4, 5, (0.01, 0.01)), None, (np.cos(heading), np.sin(heading), 0))
+    assert not turned_over(sheet.layer, sheet.lattice, sheet.uv).any()
+
+
 def on_plane(lattice, place, extent=1.0):
     """Return a plane surface, and the parameters of nodes that ``place`` moves from their flat positions."""
     surface = plane_surface(extent, extent)
