@@ -3,7 +3,6 @@
 import json
 import os
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +20,8 @@ from tests.unit.commands.test_cli import write_plan
 from tests.unit.robot.test_robot_mesh import shape
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install mujoco): its model is not tried")
-ROBOTS = Path(__file__).parents[4] / "shared" / "data" / "robots"
+
+
 RADIUS, DEPTH = 0.004, 0.0003  # of the sphere that presses [m]
 JOINT = (
     '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><origin xyz="{3}" rpy="0.3 -0.4 0.5"/>'
@@ -408,43 +408,3 @@ def test_without_urdf_there_is_no_model(robot, capsys):
     assert code == 1 and err == [
         "skin-calib: robot.json names no URDF. Fit the plans with it: skin-calib fit ROBOT.urdf PLANS -o FOLDER"
     ]
-
-
-G1 = "g1_description/g1_29dof_rev_1_0.urdf"
-
-
-def face(normal, rows, columns, direction, low, high, axis):
-    """Return members of a plan for a sheet on one side of a link, between two heights of an axis."""
-    step = np.eye(3)[axis]
-    cuts = [{"point": (step * low).tolist(), "normal": step.tolist()}]
-    cuts += [{"point": (step * high).tolist(), "normal": (-step).tolist()}]
-    cuts += [{"point": (0.01 * np.array(normal)).tolist(), "normal": normal}]
-    skin = {"name": "s", "kind": "sheet", "rows": rows, "columns": columns, "pitch": [0.01, 0.01], "origin": "center"}
-    grid = {"kind": "patch", "n": 7, "m": 6, "normal": normal, "margin": 0.002}
-    return {"cover": {"cuts": cuts}, "grid": grid, "skins": [skin | {"direction": direction}], "max_deviation": 0.05}
-
-
-@pytest.mark.nightly
-@pytest.mark.skipif(not (ROBOTS / G1).exists(), reason="the robots are not here")
-def test_whole_body_of_a_real_robot(tmp_path, capsys):
-    """200 taxels of seven links of G1, whose concave links have collision shapes above the skin.
-
-    The logo is a link of its own, which is fixed to the torso. Only taxels below it do not feel each press.
-    """
-    (tmp_path / "out").mkdir()
-    plans = {"torso_link": face([1, 0, 0], 8, 10, [0, 1, 0], 0.12, 0.26, 2)}
-    for side, sign in (("left", 1), ("right", -1)):
-        plans[f"{side}_knee_link"] = face([1, 0, 0], 5, 12, [0, 0, 1], -0.24, -0.07, 2)
-        plans[f"{side}_hip_yaw_link"] = face([1, 0, 0], 5, 7, [0, 0, 1], -0.19, -0.07, 2)
-        plans[f"{side}_elbow_link"] = face([0, sign, 0], 3, 7, [1, 0, 0], 0.01, 0.095, 0)
-    for link, members in plans.items():
-        write_plan(tmp_path, link, link=link, mesh=str(ROBOTS / G1), **members)
-    assert main(["fit", str(ROBOTS / G1), str(tmp_path), "-o", str(tmp_path / "out")]) == 0
-    code, _, err = export(tmp_path, capsys)
-    (covered,) = (line for line in err if " the calibration states " not in line)
-    assert code == 0 and " taxels of torso_link are below the collision shape of logo_link" in covered
-    right, pressed = touched(tmp_path / "skin.xml", tmp_path / "out", ROBOTS / G1, 200)
-    missed = [name for name in pressed if name not in right]
-    assert len(pressed) == 200 and len(missed) <= int(covered.split()[2])
-    assert all(name.startswith("torso_link/") for name in missed)
-    assert steps(tmp_path / "skin.xml")

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.spatial import cKDTree
 
 from skin_calib_addon.calibration import Patch
 from skin_calib_addon.common.errors import InvalidPlan
@@ -119,35 +118,6 @@ def test_overlap_of_a_cylinder_is_what_the_lines_are_too_long(columns, rows, hea
     assert_allclose(found.overlap, overlap, rtol=0, atol=5e-5)
     if overlap == 0:
         assert_allclose(found.gaps.min(), 0.157080 * 0.70711 - 0.064, rtol=0, atol=5e-5)
-
-
-@pytest.mark.parametrize(
-    "bottom, top, degrees",
-    [(0.045, 0.03, -25), (0.03, 0.045, 0), (0.03, 0.045, 40), (0.06, 0.03, 10)],
-)
-def test_gap_of_a_cone_is_that_of_the_developed_plane(bottom, top, degrees):
-    """The sheet one turn later is rotated about the tip of the developed cone; distances are those of dense points."""
-    heading, start, length = np.deg2rad(degrees), 0.15, 0.4
-    columns = 24 if bottom == 0.06 else 16
-    lattice = SheetLattice(3, columns, SQUARE)
-    surface = cone_surface(bottom, top, length)
-    slope = np.arctan((bottom - top) / length)
-    radius = bottom + (top - bottom) * start / length
-    up = np.array((-np.sin(slope), 0, np.cos(slope)))
-    direction = np.cos(heading) * np.array((0, 1, 0)) + np.sin(heading) * up
-    # The corner cell is at the start; flat positions are relative to it.
-    found = closure(wrap_sheet(surface, lattice, (radius, 0, start), direction))
-    c, s = np.cos(heading), np.sin(heading)
-    axes = np.array(((c, s), (-s, c)))
-    tip = np.array((0.0, radius / np.sin(slope)))
-    turn = 2 * np.pi * abs(np.sin(slope)) * np.sign(tip[1])
-    fine = np.linspace(0, 1, 601)[:, None]
-    corners = np.array(((0, 0), (columns, 0), (columns, 3), (0, 3), (0, 0))) * 0.01 - 0.005
-    outline = np.concatenate([a + fine * (b - a) for a, b in zip(corners, corners[1:])]) @ axes - tip
-    rotation = np.array(((np.cos(turn), -np.sin(turn)), (np.sin(turn), np.cos(turn))))
-    later = outline @ rotation.T  # counter-clockwise around the tip above: one turn along positive angles
-    truth = cKDTree(later).query(outline)[0].min()
-    assert_allclose(found.gaps.min(), truth, rtol=2e-3, atol=1e-4)
 
 
 def test_trimmed_sheet_closes_between_the_cells_that_remain():

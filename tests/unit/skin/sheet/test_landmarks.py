@@ -82,18 +82,6 @@ def test_landmarks_of_an_even_stretch_are_met(turn, scale):
 
 
 @pytest.mark.parametrize("surface", [cone_surface(RADIUS, RADIUS), wrist_surface()])
-def test_landmarks_at_the_cells_change_little(surface):
-    """Three cells fixed at their own positions: the sheet does not move."""
-    free = sheet_taxels(wrap_sheet(surface, LATTICE, None, (0, 1, 0)), "s").positions_link.reshape(5, 8, 3)
-    held = tuple(Landmark(c, tuple(free[c])) for c in ((0, 0), (2, 7), (4, 1)))
-    found, _ = centres(surface, held, (0, 1, 0))
-    # The constraint forces that centre the free sheet are missing here.
-    assert np.linalg.norm(found - free, axis=2).max() < 2e-4
-    for landmark in held:
-        assert_allclose(found[landmark.cell], landmark.point, rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize("surface", [cone_surface(RADIUS, RADIUS), wrist_surface()])
 def test_stretch_to_a_landmark_is_smooth(surface):
     """One of four landmarks is 1 mm off: all are met, and the strain is distributed over many cells."""
     free = sheet_taxels(wrap_sheet(surface, LATTICE, None, (0, 1, 0)), "s")

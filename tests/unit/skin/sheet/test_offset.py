@@ -8,7 +8,7 @@ from skin_calib_addon.common.errors import InvalidPlan, millimetres
 from skin_calib_addon.geometry import AcrossGrid, TubeGrid, fit_surface
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
 from skin_calib_addon.skin.sheet.offset import offset_surface
-from tests.shapes import RADIUS, cone_surface, dome, plane_surface, sheet, wrist, wrist_surface
+from tests.shapes import RADIUS, cone_surface, plane_surface, sheet, wrist, wrist_surface
 
 UV = np.random.default_rng(0).random((2000, 2))
 
@@ -72,14 +72,6 @@ def test_taxels_stand_exactly_above_their_parameters(surface):
     expected = surface.points(taxels.uv) + 0.0015 * surface.normals(taxels.uv)
     assert_allclose(taxels.positions_link, expected, rtol=0, atol=1e-12)
     assert_allclose(taxels.normals_link, surface.normals(taxels.uv), rtol=0, atol=1e-12)
-
-
-def test_offset_below_the_radius_of_a_dome_is_refused():
-    """The offset below a dome with a radius of a quarter of a metre is refused."""
-    surface = fit_surface(dome(), AcrossGrid(6, 6, (0, 0, 1))).surface
-    offset_surface(surface, -0.05)
-    with pytest.raises(InvalidPlan, match="the radius of curvature there is smaller than the offset"):
-        offset_surface(surface, -0.26)
 
 
 def test_offset_below_a_narrow_dome_is_accepted_up_to_its_radius():

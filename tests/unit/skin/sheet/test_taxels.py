@@ -53,16 +53,6 @@ def test_size_of_a_cell_is_along_the_row_and_across(surface):
     assert_allclose((size[1:, :, 1] + size[:-1, :, 1]) / 2, across, rtol=0.02)
 
 
-def test_normals_point_out_of_the_tube():
-    """The normals point away from the axis of a cylinder exactly, and from the middle line of the wrist."""
-    cylinder = wrapped(cone_surface(RADIUS, RADIUS), (6, 22))
-    assert_allclose(cylinder.normals_link, cylinder.positions_link * (1, 1, 0) / RADIUS, rtol=0, atol=1e-5)
-    wrist = wrapped(wrist_surface(), (6, 22))
-    assert (
-        (wrist.normals_link * (wrist.positions_link - wrist.positions_link.mean(axis=0)))[:, :2].sum(axis=1) > 0.01
-    ).all()
-
-
 @pytest.mark.parametrize("taxels", SHEETS)
 def test_corners_are_counter_clockwise(taxels):
     """Corners are counter-clockwise seen from outside, from the beginning of the sheet; those of adjacent cells are
