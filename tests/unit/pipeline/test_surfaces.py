@@ -149,11 +149,16 @@ def test_plan_with_one_surface_stays_of_version_1(tmp_path):
         plan_from(TWO).surface  # noqa: B018
 
 
+def disc(count):
+    """A boundary of 30 mm around the middle of the front, with so many corners."""
+    turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    arc, height = 0.03 * np.cos(turn), 0.1 + 0.03 * np.sin(turn)
+    return np.column_stack((RADIUS * np.cos(arc / RADIUS), RADIUS * np.sin(arc / RADIUS), height)).tolist()
+
+
 def test_boundary_is_kept_and_holds_for_skins():
     """Plan and file have its numbers; a sheet that leaves it is warned of as over a hole."""
-    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    arc, height = 0.03 * np.cos(turn), 0.1 + 0.03 * np.sin(turn)
-    loop = np.column_stack((RADIUS * np.cos(arc / RADIUS), RADIUS * np.sin(arc / RADIUS), height)).tolist()
+    loop = disc(24)
     front = FRONT | {"grid": {k: v for k, v in FRONT["grid"].items() if k != "margin"} | {"boundary": [loop]}}
     document = TWO | {"surfaces": [front, BACK]}
     plan = plan_from(document)
@@ -171,9 +176,7 @@ def test_boundary_is_kept_and_holds_for_skins():
 @pytest.mark.slow
 def test_boards_stay_inside_the_boundary():
     """All corners are inside a disc of 30 mm, but for what a board may protrude; without boundary they are not."""
-    turn = np.linspace(0, 2 * np.pi, 48, endpoint=False)
-    arc, height = 0.03 * np.cos(turn), 0.1 + 0.03 * np.sin(turn)
-    loop = np.column_stack((RADIUS * np.cos(arc / RADIUS), RADIUS * np.sin(arc / RADIUS), height)).tolist()
+    loop = disc(48)
     whole = SECTOR | {"from": -1.2, "to": 1.2}
     boards = {"name": "boards", "kind": "hexagons", "side": 0.006, "gap": 0.0}
     farthest = []

@@ -1,19 +1,13 @@
 """Links that are like others: bodies with known reflections, and both sides of real robots."""
 
-from pathlib import Path
-
 import numpy as np
-import pytest
 
 from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from skin_calib_addon.robot.kinematics import link_poses
-from skin_calib_addon.robot.link_mesh import load_link
 from skin_calib_addon.robot.mirrored import find_twins, symmetry
-from skin_calib_addon.robot.urdf import Joint, Robot, read_robot
+from skin_calib_addon.robot.urdf import Joint, Robot
 from tests.shapes import box, cylinder, subdivided, together, wrist
-
-ROBOTS = Path(__file__).parents[4] / "shared" / "data" / "robots"
 
 
 def moved(mesh, transform):
@@ -104,29 +98,3 @@ def test_partners_are_5_mm_from_the_mirror_image():
     for shift, across in ((4e-3, 0), (6e-3, 1)):
         links = np.concatenate((side, side * (-1, 1, 1) + (0, shift, 0)))
         assert symmetry(links)[across, across] == -1
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize(
-    "file, left, right, count",
-    [
-        ("g1_description/g1_29dof_rev_1_0.urdf", "left_", "right_", 14),
-        ("jvrc_description/urdf/jvrc1.urdf", "R_", "L_", 15),
-    ],
-)
-def test_sides_of_real_robots_are_mirrored(file, left, right, count):
-    """Each link of one side is like that of the other side, and no vertex is more than 2 mm from its twin's faces."""
-    if not (ROBOTS / file).is_file():
-        pytest.skip(f"no {file} here")
-    if "jvrc" in file:
-        pytest.importorskip("collada")
-    robot = read_robot(ROBOTS / file)
-    shown = [link for link, meshes in robot.links.items() if any(mesh.use == "visual" for mesh in meshes)]
-    meshes = {link: load_link(ROBOTS / file, robot, link) for link in shown}
-    twins = find_twins(robot, meshes)
-    mirrored = {link: twin.link for link, twin in twins.items() if twin.is_mirrored}
-    assert mirrored == {link: left + link.removeprefix(right) for link in shown if link.startswith(right)}
-    assert len(mirrored) == count
-    for link, former in mirrored.items():
-        image = moved(meshes[former], twins[link].transform)
-        assert closest(meshes[link], image.vertices[::50])[0].max() < 2e-3

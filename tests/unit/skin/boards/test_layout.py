@@ -59,24 +59,6 @@ def test_boards_without_a_gap_fit_on_a_dome():
     assert not len(boards.overlaps()[0])
 
 
-@pytest.mark.slow
-def test_fill_gives_at_least_as_many_boards_as_any_given_pose():
-    """Offset and rotation are free, near the origin; on a wrist the flat map is only an estimate."""
-    boards, _ = lay_boards(FLOOR, SMALL, "fill", (0.05, 0.04, 0), (1, 0, 0))
-    found = corners(boards, SMALL)
-    assert (found > -1e-8).all() and (found < np.array((0.1, 0.08)) + 1e-8).all()
-    rng = np.random.default_rng(0)
-    for _ in range(5):
-        turn, origin = rng.uniform(0, np.pi / 3), rng.uniform((0.045, 0.035), (0.055, 0.045))
-        tried, _ = lay_boards(FLOOR, SMALL, "all", (*origin, 0), (np.cos(turn), np.sin(turn), 0))
-        assert len(tried.cells) <= len(boards.cells)
-    away = np.linalg.norm(FLOOR.points(boards.uv)[:, :2] - (0.05, 0.04), axis=1)
-    assert boards.cells[away.argmin()].tolist() == [0, 0]
-    assert (np.lexsort(boards.cells.T) == np.arange(len(boards.cells))).all()  # by r, then q
-    all_, fill = (lay_boards(wrist_surface(), TIGHT, choice, None, (0, 1, 0.4))[0] for choice in ("all", "fill"))
-    assert len(all_.cells) <= len(fill.cells)
-
-
 def test_boards_avoid_holes_edges_and_zones():
     """No outline is above a notch, a hole or an excluded zone of a plate, nor where a zone overlaps a hole."""
     mesh = sheet(lambda x, y: 0 * x, cells=(50, 40))
@@ -171,19 +153,6 @@ def test_boards_that_overlap_are_an_error():
     ) as error:
         lay_boards(surface, TIGHT, [(q, 0) for q in range(-4, 6)], (0.04, 0, 0.05), (0, 1, 0))
     assert millimetres(error.value.numbers["place"].point) in str(error.value)
-
-
-@pytest.mark.slow
-def test_boards_that_filled_a_wrist_are_placed_again_as_a_list():
-    """Painting lists the boards, with the root where it is: they stay near their positions, without an overlap."""
-    surface, lattice = wrist_surface(), HexLattice(0.008, 0.0)
-    filled, _ = lay_boards(surface, lattice, "fill", None, None)
-    points, root = surface.points(filled.uv), filled.cells.tolist().index([0, 0])
-    cells = [tuple(cell) for cell in filled.cells.tolist()]
-    listed, _ = lay_boards(surface, lattice, cells, points[root], filled.tangents[root])
-    assert listed.cells.tolist() == filled.cells.tolist()
-    assert_no_overlap(listed)
-    assert np.linalg.norm(surface.points(listed.uv) - points, axis=1).max() < 0.15 * lattice.pitch
 
 
 def test_boards_are_on_the_mesh():
