@@ -8,7 +8,7 @@ from scipy.interpolate import LSQBivariateSpline
 from skin_calib_addon.geometry import SectorGrid, TubeGrid, fit_surface, weld
 from skin_calib_addon.geometry.fit.chords import largest_sagittas, lift_to_corners
 from skin_calib_addon.geometry.sampling.samples import SampleRows
-from tests.shapes import LENGTH, RADIUS, TURN, Z_AXIS, box, cylinder, keep, wrist
+from tests.shapes import LENGTH, RADIUS, TURN, Z_AXIS, box, cylinder, keep, quads, wrist
 
 MARGIN, PLANES, LINES = 0.002, 14, 50
 
@@ -84,10 +84,7 @@ def test_gaps_end_where_the_surface_meets_the_corners():
     """Over a mesh of the surface's own points the gaps equal the residuals: the surface stays."""
     fit = fit_surface(wrist(), TubeGrid(10, 20, Z_AXIS, 0.004))
     u, v = np.linspace(0, 1, 17), np.arange(23) / 23
-    corners = fit.surface.points(np.column_stack((np.repeat(u, 23), np.tile(v, 17))))
-    i, j = (x.ravel() for x in np.indices((16, 23)))
-    p, q = 23 * i + j, 23 * i + (j + 1) % 23
-    mesh = weld(corners, np.concatenate((np.column_stack((p, p + 23, q + 23)), np.column_stack((p, q + 23, q)))))
+    mesh = quads(fit.surface.grid_points(u, v), closed=(False, True))
     samples = SampleRows.of(mesh, fit.lines, fit.basis).cast(
         fit.basis.blend(fit.offsets[..., None] * fit.lines.directions)
     )

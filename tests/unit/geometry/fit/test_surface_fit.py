@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.arrays import pairs_of
 from skin_calib_addon.common.errors import EmptySection, UnderdeterminedFit
-from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_grid, fit_surface
+from skin_calib_addon.geometry import AcrossGrid, Axis, PlanesGrid, SectorGrid, TubeGrid, fit_grid, fit_surface
 from skin_calib_addon.geometry.fit import fitting as fit_module
 from skin_calib_addon.geometry.fit.surface_fit import surface_at
 from skin_calib_addon.geometry.mesh.distance import closest
@@ -25,10 +24,12 @@ from tests.shapes import (
     cone,
     cylinder,
     keep,
+    round_tube,
     sheet,
     subdivided,
+    u_planes,
+    v_planes,
     weld,
-    welded,
     with_hole,
     wrist,
 )
@@ -40,14 +41,9 @@ SAGITTA = 1 - np.cos(np.pi / AROUND)
 UV = np.random.default_rng(0).uniform(0, 1, (400, 2))
 
 
-def planes_grid(stations, tilts=0.0, lines=10, closed=True):
+def planes_grid(stations, tilts=0.0, lines=10):
     """u-planes across z, tilted about y, and full v-planes through z."""
-    stations, tilts = np.broadcast_arrays(np.asarray(stations, float), tilts)
-    u = Planes(stations[:, None] * (0, 0, 1.0), np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts))))
-    angle = np.arange(lines) * np.pi / lines
-    return PlanesGrid(
-        u, Planes(np.zeros((lines, 3)), np.column_stack((-np.sin(angle), np.cos(angle), 0 * angle))), closed
-    )
+    return PlanesGrid(u_planes(stations, tilts), v_planes(lines), True)
 
 
 def assert_lies_on_tube(fit, bottom, top, spline):
@@ -338,21 +334,13 @@ def test_mesh_that_is_mostly_missing_at_the_last_is_refused():
 
 def test_oscillating_iterations_end_early(monkeypatch):
     """Over a step of 50 mm they come to no rest: fewer than ten leave no more than ten do."""
-
-    def stepped(angle, fraction):
-        radius = 0.03 + 0.05 * (fraction > 0.5) * (np.cos(angle) > -0.32)
-        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), 0.1 * fraction))
-
-    mesh = welded(tube_mesh(stepped, 120, 60))
+    mesh = round_tube(lambda a, h: 0.03 + 0.05 * (h > 0.5) * (np.cos(a) > -0.32), 120, 60)
     lines = TubeGrid(20, 20, Z_AXIS, 0.004, "uniform").line_grid(mesh)
     early = fit_module.fit_lines(mesh, lines, (3, 3))
     monkeypatch.setattr(fit_module, "OSCILLATION_RATIO", np.inf)
     late = fit_module.fit_lines(mesh, lines, (3, 3))
-    assert (
-        early.iterations < late.iterations == fit_module.MAX_FIT_ITERATIONS
-        and not early.converged
-        and not late.converged
-    )
+    assert early.iterations < late.iterations == fit_module.MAX_FIT_ITERATIONS
+    assert not early.converged and not late.converged
     (warning,) = (w for w in early.warnings if w.code == "not-converged")
     assert warning.value == early.movement.max() > 1e-3 and f"moved by {warning.value * 1e3:.1f} mm" in warning.message
     assert abs(warning.where.point[2] - 0.05) < 0.01, "at the step"

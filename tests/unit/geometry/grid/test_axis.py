@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import EmptySection, InvalidPlan
 from skin_calib_addon.geometry.grid.axis import (
     AXIS_SECTIONS,
@@ -23,7 +22,7 @@ from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from skin_calib_addon.geometry.sampling.frames import link_direction, link_side
 from skin_calib_addon.geometry.sampling.sections import cut_sections
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, box, cone, cylinder, keep, shuffled, welded, wrist
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, box, cone, cylinder, keep, round_tube, shuffled, wrist
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -97,16 +96,6 @@ def test_tube_frame_is_right_handed(axis):
         assert_allclose(frame.e3, np.sign(axis.direction), atol=1e-15)
 
 
-def tube_of(radius, around=90, taper=0.0):
-    """A tube about z with a radius [m] that depends on the angle."""
-
-    def point(angle, height):
-        r = radius(angle) * (1 - taper * height)
-        return np.column_stack((r * np.cos(angle), r * np.sin(angle), 0.1 * height))
-
-    return welded(tube_mesh(point, around, 12))
-
-
 def zero_angle(mesh, axis=Z_AXIS):
     """Angle zero of a tube about z, from the x axis of its frame [degrees]."""
     return np.rad2deg(np.arctan2(*tube_frame(mesh, axis).e1[1::-1]))
@@ -114,9 +103,9 @@ def zero_angle(mesh, axis=Z_AXIS):
 
 def test_angle_zero_is_where_the_section_extends_farthest():
     """A ridge, and an ellipse with one thicker tip: at the ridge and at the tip, to a thousandth of a degree."""
-    ridge = tube_of(lambda a: 0.03 + 0.004 * np.exp(8 * (np.cos(a - 1.0) - 1)))
+    ridge = round_tube(lambda a, _: 0.03 + 0.004 * np.exp(8 * (np.cos(a - 1.0) - 1)))
     assert_allclose(zero_angle(ridge), np.rad2deg(1.0), atol=0.1)
-    tips = tube_of(lambda a: 0.03 + 0.003 * np.cos(2 * (a - 2.0)) + 0.0005 * np.cos(a - 2.0), 360)
+    tips = round_tube(lambda a, _: 0.03 + 0.003 * np.cos(2 * (a - 2.0)) + 0.0005 * np.cos(a - 2.0), 360)
     assert_allclose(zero_angle(tips), np.rad2deg(2.0), atol=1e-3)
 
 
@@ -147,12 +136,19 @@ def test_link_direction_is_smooth():
 
 def test_angle_zero_of_symmetric_tubes_has_no_ties():
     """Of two equal tips the one next to the link's x axis; of a mirrored pair of ridges always the same one."""
-    ellipse = tube_of(lambda a: 0.03 + 0.003 * np.cos(2 * (a - 0.4)))
+    ellipse = round_tube(lambda a, _: 0.03 + 0.003 * np.cos(2 * (a - 0.4)))
     assert_allclose(zero_angle(ellipse), np.rad2deg(0.4), atol=1e-2)
     for turn in np.linspace(0, 6, 7):
-        pair = tube_of(lambda a, t=turn: 0.03 + sum(0.004 * np.exp(6 * (np.cos(a - t - s) - 1)) for s in (-0.8, 0.8)))
+        pair = round_tube(
+            lambda a, _, t=turn: 0.03 + sum(0.004 * np.exp(6 * (np.cos(a - t - s) - 1)) for s in (-0.8, 0.8))
+        )
         off = (zero_angle(pair) - np.rad2deg(turn) + 180) % 360 - 180
         assert -60 < off < -30  # the first of both, counter-clockwise
+
+
+def four_sided():
+    """A tube with four ridges, on one side a little wider."""
+    return round_tube(lambda a, _: 0.03 + 0.002 * np.cos(4 * a) + 0.001 * np.cos(a))
 
 
 CHANGES = {
@@ -176,7 +172,9 @@ def subdivided(mesh):
 
 
 @pytest.mark.parametrize("change", CHANGES)
-@pytest.mark.parametrize("made", [wrist, lambda: tube_of(lambda a: 0.03 + 0.002 * np.cos(4 * a) + 0.001 * np.cos(a))])
+@pytest.mark.parametrize(
+    "made", [wrist, lambda: round_tube(lambda a, _: 0.03 + 0.002 * np.cos(4 * a) + 0.001 * np.cos(a))]
+)
 def test_frame_and_stations_depend_on_the_shape_only(made, change):
     """Vertices that crowd on one side, noise of a nanometre and a motion move nothing by more than a micrometre."""
     mesh, motion = made(), Motion(4) if change == "moved" else Motion.none()

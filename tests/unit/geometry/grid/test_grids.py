@@ -23,23 +23,24 @@ from skin_calib_addon.geometry import (
 )
 from skin_calib_addon.geometry.sampling.frames import link_direction
 from skin_calib_addon.geometry.surface.bspline import clamped_knots, greville
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, box, cone, cylinder, dome, keep, sheet, wrist
+from tests.shapes import (
+    LENGTH,
+    RADIUS,
+    Z_AXIS,
+    Motion,
+    box,
+    cone,
+    cylinder,
+    dome,
+    keep,
+    sheet,
+    u_planes,
+    v_planes,
+    wrist,
+)
 
 seeds = st.integers(0, 2**32 - 1)
 SPAN = (0.02, 0.08)
-
-
-def u_planes(stations, tilts=0.0):
-    """Planes across z, tilted about the y axis."""
-    stations, tilts = np.broadcast_arrays(np.asarray(stations, float), tilts)
-    normals = np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts)))
-    return Planes(stations[:, None] * (0, 0, 1.0), normals)
-
-
-def v_planes(count, first=0.0):
-    """Full planes through z, at even angles."""
-    angle = first + np.arange(count) * np.pi / count
-    return Planes(np.zeros((count, 3)), np.column_stack((-np.sin(angle), np.cos(angle), 0 * angle)))
 
 
 def author_planes(count=8, lines=8, tilts=0.0):

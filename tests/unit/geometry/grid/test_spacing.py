@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import EmptySection
 from skin_calib_addon.geometry import AcrossGrid, SectorGrid, TubeGrid, fit_surface, weld
 from skin_calib_addon.geometry.grid import spacing
@@ -34,8 +33,8 @@ from tests.shapes import (
     cylinder,
     dome,
     keep,
+    round_tube,
     sheet,
-    welded,
     with_hole,
     wrist,
 )
@@ -43,19 +42,11 @@ from tests.shapes import (
 seeds = st.integers(0, 2**32 - 1)
 
 
-def tube(radius, around=96, along=26):
-    """A tube about z of this radius by angle and fraction of its length."""
-
-    def point(angle, fraction):
-        r = radius(angle, fraction)
-        return np.column_stack((r * np.cos(angle), r * np.sin(angle), LENGTH * fraction))
-
-    return welded(tube_mesh(point, around, along))
-
-
 def square(power=8):
     """A tube whose section is a square with corners that are the less rounded the higher the power."""
-    return tube(lambda a, h: RADIUS / (np.abs(np.cos(a)) ** power + np.abs(np.sin(a)) ** power) ** (1 / power), 240)
+    return round_tube(
+        lambda a, h: RADIUS / (np.abs(np.cos(a)) ** power + np.abs(np.sin(a)) ** power) ** (1 / power), 240
+    )
 
 
 @pytest.mark.parametrize("mesh", [cylinder(around=24), cone(), wrist()], ids=["cylinder", "cone", "wrist"])
@@ -69,7 +60,7 @@ def test_noise_of_a_nanometre_moves_no_surface(mesh):
 
 def bumped(at=0.9):
     """A round tube with a ring around it near one end."""
-    return tube(lambda a, h: RADIUS + 0.008 * np.exp(-(((h - at) / 0.06) ** 2)), 72, 101)
+    return round_tube(lambda a, h: RADIUS + 0.008 * np.exp(-(((h - at) / 0.06) ** 2)), 72, 101)
 
 
 def ridged():
@@ -163,7 +154,7 @@ def test_places_leave_less_than_even_ones(mesh, grid):
         pytest.param(square(), 12, id="square 12"),
         pytest.param(square(), 20, id="square 20"),
         pytest.param(square(4), 16, id="rounder square 16"),
-        pytest.param(tube(lambda a, h: RADIUS * (1 + 0.2 * np.cos(3 * a)), 240), 12, id="clover 12"),
+        pytest.param(round_tube(lambda a, h: RADIUS * (1 + 0.2 * np.cos(3 * a)), 240), 12, id="clover 12"),
     ],
 )
 def test_auto_lines_are_no_worse_than_even_ones_by_fits(mesh, lines):
@@ -323,7 +314,7 @@ def test_uniform_lines_are_even():
 
 def test_arc_lines_are_even_along_the_outline():
     """A flat ellipse: angles are uneven, lengths of the outline between the lines are even to a hundredth."""
-    ellipse = tube(lambda a, h: 0.015 * 0.045 / np.hypot(0.015 * np.cos(a), 0.045 * np.sin(a)), 360, 6)
+    ellipse = round_tube(lambda a, h: 0.015 * 0.045 / np.hypot(0.015 * np.cos(a), 0.045 * np.sin(a)), 360, 6)
     grid = TubeGrid(5, 24, Z_AXIS, 0.004, "arc")
     t = np.r_[grid.line_grid(ellipse).t, TURN]
     dense = t[:-1, None] + np.diff(t)[:, None] * np.linspace(0, 1, 200)
