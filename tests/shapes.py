@@ -135,6 +135,11 @@ def with_hole(mesh, centre, radius):
     return keep(mesh, lambda centres: np.linalg.norm(centres - centre, axis=1) > radius)
 
 
+def turned(mesh, chosen):
+    """Return the mesh with some faces wound in reverse."""
+    return weld(mesh.vertices, np.where(np.asarray(chosen)[:, None], mesh.faces[:, ::-1], mesh.faces))
+
+
 class Motion:
     """A rotation, a translation and a scale of meshes, points and directions."""
 
@@ -219,6 +224,11 @@ def plane_surface(width=0.1, depth=0.08):
 def wrist_surface():
     """Return a fit of the wrist sample: doubly curved."""
     return fit_surface(wrist(), TubeGrid(10, 20, margin=0.002, spacing="uniform")).surface
+
+
+def even_spans(start, stop, count):
+    """Return positions of the control points of a cubic with even spans: those next to an end are nearer to it."""
+    return np.interp(greville(clamped_knots(count, 3), 3), (0, 1), (start, stop))
 
 
 def u_planes(stations, tilts=0.0):

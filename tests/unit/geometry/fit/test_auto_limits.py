@@ -12,14 +12,13 @@ from skin_calib_addon.geometry import (
     AutoGrid,
     Axis,
     CoverSpec,
-    SectorGrid,
     TubeGrid,
     cut_cover,
     fit_surface,
     fit_to_tolerance,
     load_mesh,
 )
-from skin_calib_addon.geometry.fit.auto import fit_grid, net_size, rounded_up
+from skin_calib_addon.geometry.fit.auto import fit_grid, rounded_up
 from skin_calib_addon.geometry.fit.diagnosis import FOLDED_AREA
 from skin_calib_addon.geometry.fit.limits import better_axis
 from skin_calib_addon.geometry.grid.grids import Sector, Tube
@@ -100,36 +99,6 @@ def test_largest_distance_holds_on_another_dense_grid(mesh, tolerance, where):
         tolerance = error.numbers["achievable"]
         fit = fit_to_tolerance(mesh, tolerance, "max", **where)
     assert dense_maximum(fit) <= tolerance * 1.0005
-
-
-def test_largest_distance_is_that_of_a_dense_grid():
-    """It is no less than samples find, and no more than there is."""
-    fit = fit_surface(wrist(), SectorGrid(6, 9, -1.0, 1.5, Z_AXIS, 0.003))
-    assert dense_maximum(fit) <= fit.errors.surface_to_mesh.max * 1.0005
-
-
-@pytest.mark.parametrize(
-    ("mesh", "tolerances", "where"),
-    [
-        (stepped, (2e-4, 1e-4, 2e-5), {"axis": Z_AXIS, "margin": 0.002}),
-    ],
-)
-def test_achievable_error_is_the_same_for_all_tolerances_and_is_achieved(mesh, tolerances, where):
-    """Once a tolerance is refused, smaller ones are, with the same value; asking for the value succeeds, twice."""
-    mesh, achievable = mesh(), []
-    for tolerance in tolerances:
-        try:
-            assert fit_to_tolerance(mesh, tolerance, **where).errors.surface_to_mesh.mean <= tolerance
-            assert not achievable
-        except UnreachableTolerance as error:
-            achievable.append(error.numbers["achievable"])
-            assert f"{achievable[-1] * 1e3:g} mm" in str(error) and achievable[-1] > tolerance
-    if not achievable:
-        return
-    assert len(set(achievable)) == 1
-    fits = [fit_to_tolerance(mesh, achievable[0], **where) for _ in range(2)]
-    assert fits[0].errors.surface_to_mesh.mean <= achievable[0]
-    assert net_size(fits[0]) == net_size(fits[1])
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from sample_scenes.shapes import tube_mesh
-from skin_calib_addon.common.errors import InvalidPlan, SkinCalibError
 from skin_calib_addon.geometry import (
     AcrossGrid,
     AutoGrid,
@@ -19,7 +18,7 @@ from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.surface.distance import surface_samples
 from skin_calib_addon.plan import plan_from
 from tests.examples import slow
-from tests.shapes import Z_AXIS, cone, cylinder, dome, keep, sheet, welded, wrist
+from tests.shapes import Z_AXIS, cone, cylinder, dome, sheet, welded, wrist
 
 UP = (0.0, 0.0, 1.0)
 SECTOR = {"sector": (-1.0, 1.5), "axis": Z_AXIS, "margin": 0.004}
@@ -82,7 +81,7 @@ def distances(fit):
 
 
 @pytest.mark.parametrize(("mesh", "where"), CASES + SHARP)
-@pytest.mark.parametrize("tolerance", [3e-4, slow(2e-4), slow(1e-4), 6e-5])
+@pytest.mark.parametrize("tolerance", [slow(3e-4), slow(1e-4), 6e-5])
 def test_mean_keeps_within_the_tolerance(mesh, where, tolerance):
     """By exact distances at places that were not looked at; a hundredth for the places."""
     fit = fit_to_tolerance(mesh, tolerance, **where)
@@ -133,13 +132,8 @@ def test_plane_takes_the_smallest_net(degree, measure):
     fit = fit_to_tolerance(slope, 1e-9, measure, degree, normal=UP)
     p, q = (degree, degree) if isinstance(degree, int) else degree
     assert fit.lines.origins.shape[:2] == (p + 1, q + 1)
-    assert distances_to_plane(fit) < 1e-13
-
-
-def distances_to_plane(fit):
-    """Largest height over the slope of the test above [m]."""
-    points = fit.surface.points(surface_samples(fit.surface)[0])
-    return np.abs(points[:, 2] - 0.02 - 0.3 * points[:, 0] + 0.2 * points[:, 1]).max()
+    x, y, z = fit.surface.points(surface_samples(fit.surface)[0]).T
+    assert np.abs(z - 0.02 - 0.3 * x + 0.2 * y).max() < 1e-13
 
 
 def test_sector_of_a_cone_takes_the_fewest_planes():
@@ -151,16 +145,6 @@ def test_sector_of_a_cone_takes_the_fewest_planes():
     assert [s[0] for s in shapes] == [4, 4] and shapes[0][1] < shapes[1][1]
 
 
-def test_half_tube_needs_no_whole_sections():
-    """A sector of a tube that is open on the other side is met; all round it is refused with one line."""
-    half = keep(wrist(), lambda c: c[:, 0] > 0)
-    fit = fit_to_tolerance(half, 1e-4, sector=(-1.2, 1.2), axis=Z_AXIS, margin=0.004)
-    assert fit.errors.surface_to_mesh.mean <= 1e-4
-    with pytest.raises(SkinCalibError) as caught:
-        fit_to_tolerance(half, 1e-4, axis=Z_AXIS)
-    assert "\n" not in str(caught.value)
-
-
 @pytest.mark.parametrize(
     ("members", "kind"),
     [
@@ -170,23 +154,14 @@ def test_half_tube_needs_no_whole_sections():
         ({"axis": {"point": [0, 0, 0], "direction": [0, 0, 1]}, "margin": 0.004}, "tube"),
     ],
 )
-@pytest.mark.parametrize(("measure", "tolerance"), [("mean", 1e-4), slow("max", 5e-4)])
-def test_plan_is_carried_out(members, kind, measure, tolerance):
+def test_plan_is_carried_out(members, kind):
     """An automatic grid as a plan writes it: the mesh's part that was meant, within the tolerance that was asked."""
-    plan = plan_from(
-        {
-            "version": 1,
-            "link": "forearm",
-            "mesh": "forearm.stl",
-            "unit": "m",
-            "grid": {"kind": "auto", "tolerance": tolerance, "measure": measure, **members},
-            "skins": [],
-        }
-    )
+    grid = {"kind": "auto", "tolerance": 1e-4, "measure": "mean", **members}
+    plan = plan_from({"version": 1, "link": "arm", "mesh": "arm.stl", "unit": "m", "grid": grid, "skins": []})
     assert isinstance(plan.surface.grid.size, Tolerance)
     mesh = ridge() if kind == "face" else wrist()
     fit = fit_grid(mesh, plan.surface.grid, plan.surface.degree)
-    assert getattr(fit.errors.surface_to_mesh, measure) <= 1.05 * tolerance
+    assert fit.errors.surface_to_mesh.mean <= 1e-4
     assert fit.surface.closed == (False, kind == "tube")
     if kind == "sector":
         edges = fit.surface.points(((0.5, 0.0), (0.5, 1.0)))
@@ -240,12 +215,3 @@ def test_prediction_is_what_a_fit_keeps(mesh, where, off):
     for size in ((4, 5), (4, 8), (6, 5), (5, 11), (8, 12), (8, 17), (10, 20)):
         fit = predictor.fit(size)
         np.testing.assert_allclose(predictor.error(size), fit.errors.surface_to_mesh.mean, rtol=off, err_msg=str(size))
-
-
-@pytest.mark.parametrize("where", [{"sector": (1.0, 1.0)}, {"sector": (0.0, 7.0)}, {"normal": (0.0, 0.0, -1.0)}])
-def test_regions_that_are_none_are_refused(where):
-    """No angle, more than a turn, a direction that no face looks along: one line."""
-    mesh = dome() if "normal" in where else wrist()
-    with pytest.raises(InvalidPlan) as caught:
-        fit_to_tolerance(mesh, 1e-4, **where)
-    assert "\n" not in str(caught.value)

@@ -56,21 +56,6 @@ def test_vertex_normals_are_exact_on_a_sphere():
     assert_allclose(facet_gaps(cap, face, points)[inner], to_sphere[inner], rtol=0.01)
 
 
-def test_gaps_are_zero_on_flat_parts_and_at_sharp_edges():
-    """A prism with rounded corners has gaps over its corners only; a square tube has none."""
-    around = 32
-    angle = 2 * np.pi * np.arange(around) / around
-    flat = np.clip(1.6 * np.column_stack((np.cos(angle), np.sin(angle))), -1, 1) * 0.03
-
-    prism = swept(flat, 9)
-    face = np.arange(len(prism.faces))
-    gaps = facet_gaps(prism, face, prism.triangles.mean(axis=1))
-    on_side = np.abs(np.abs(prism.face_normals[:, :2]).max(axis=1) - 1) < 1e-9
-    assert_allclose(gaps[on_side], 0, atol=1e-12)
-    square = cylinder(0.05, 0.05, 4, 5)
-    assert_allclose(facet_gaps(square, np.arange(len(square.faces)), square.triangles.mean(axis=1)), 0, atol=1e-12)
-
-
 @pytest.mark.parametrize("steps", [4, 12], ids=lambda n: f"{n} facets")
 def test_flat_sides_between_fillets_do_not_bulge(steps):
     """A square tube with rounded corners, as CAD programs write it: two triangles for each side."""

@@ -38,8 +38,9 @@ def assert_is_complete(fit, error=2e-5):
     assert fit.errors.surface_to_mesh.max < error
 
 
-@pytest.mark.parametrize("turned", [None, 3])
-@pytest.mark.parametrize("mesh", [cylinder(), cone(0.03, 0.045), single_precision(cylinder())])
+@pytest.mark.parametrize(
+    ("mesh", "turned"), [(cylinder(), None), (cone(0.03, 0.045), 3), (single_precision(cylinder()), 3)]
+)
 def test_tube_without_margin_is_fitted_up_to_its_rims(mesh, turned):
     """The first and the last plane are on the rims; in the z direction, in any other, and in single precision."""
     motion = Motion.none() if turned is None else Motion(turned)

@@ -40,10 +40,9 @@ def folded(points, swing):
     return points[crossings > 1]
 
 
-@pytest.mark.parametrize("turned", [None, 2])
-def test_undercut_is_a_warning_with_its_place(turned):
+def test_undercut_is_a_warning_with_its_place():
     """Five lobes that lean over: the distance and the place are those of the folded part of the true outline."""
-    motion = Motion.none() if turned is None else Motion(turned)
+    motion = Motion(2)
     fit = fit_surface(motion.mesh(lobed(1.25)), TubeGrid(5, 20, motion.axis(Z_AXIS), 0.002))
     (warning,) = undercuts(fit)
     row = fit.surface.points(np.column_stack((np.full(5000, 0.5), np.arange(5000) / 5000)))
