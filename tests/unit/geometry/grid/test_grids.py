@@ -10,6 +10,7 @@ from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry import (
     AcrossGrid,
     AutoGrid,
+    Axis,
     CoverSpec,
     Cut,
     Planes,
@@ -149,6 +150,16 @@ def test_sector_runs_between_its_angles(start, width):
     assert (np.diff(angle) < 0).all() and not grid.closed
     assert_allclose(angle[[0, -1]] - angle[0], (0, -width), rtol=0, atol=1e-12)
     assert_allclose(np.exp(1j * angle[0]), np.exp(1j * stop), rtol=0, atol=1e-12)
+
+
+def test_sector_of_a_tube_along_x_counts_from_y():
+    """Where the link's x axis is the tube's own, its y axis sets the angle."""
+    motion = cylinder().vertices[:, [2, 0, 1]]
+    lying = type(cylinder())(motion, cylinder().faces)
+    grid = SectorGrid(5, 8, 0.0, 1.0, Axis((0, 0, 0), (1, 0, 0)), 0.01).line_grid(lying)
+    assert_allclose(grid.directions[0, -1], (0, 1, 0), rtol=0, atol=1e-12)
+    nearly = SectorGrid(5, 8, 0.0, 1.0, Axis((0.05, 0, 0), (1, 0.1, 0.2)), 0.03).line_grid(lying)
+    assert nearly.directions[0, -1] @ (0, 1, 0) > 0.99
 
 
 @pytest.mark.parametrize(("start", "stop"), [(1.0, 1.0), (1.0, 0.0), (0.0, 6.2832), (0.0, 7.0)])
