@@ -97,8 +97,7 @@ def sheet(height, size=(0.1, 0.08), cells=(20, 16)):
 
 
 def quads(points, closed=(False, False)):
-    """Return the mesh of a grid of points (n, m, 3), with two triangles for each cell, also from the last row or
-    column to the first where it is closed; normals are (next row) x (next column)."""
+    """Return two triangles for each cell of a grid of points (n, m, 3); normals are (next row) x (next column)."""
     k = np.arange(points[..., 0].size).reshape(points.shape[:2])
     n, m = (size - (not c) for size, c in zip(k.shape, closed))
     p, q, r, s = (np.roll(k, turn, (0, 1))[:n, :m].ravel() for turn in ((0, 0), (-1, 0), (-1, -1), (0, -1)))
@@ -149,9 +148,9 @@ class Motion:
         self.scale = scale
 
     @classmethod
-    def none(cls):
-        """Return the identity."""
-        motion = cls(0)
+    def none(cls, scale=1.0):
+        """Return a scale alone."""
+        motion = cls(0, scale)
         motion.rotation, motion.shift = np.eye(3), np.zeros(3)
         return motion
 

@@ -73,9 +73,7 @@ def test_moving_the_mesh_moves_the_surface(case, seed):
 @given(scale=st.floats(0.05, 20))
 def test_scaling_the_mesh_scales_the_surface(case, scale):
     """From a finger to a torso."""
-    motion = Motion.none()
-    motion.scale = scale
-    assert_moves_along(*GRIDS[case], motion)
+    assert_moves_along(*GRIDS[case], Motion.none(scale))
 
 
 @examples(5)
@@ -94,8 +92,8 @@ def test_moving_a_face_moves_its_surface(seed, scale):
 @given(shift=st.tuples(*3 * [st.floats(-2, 2)]), scale=st.floats(0.3, 3))
 def test_shifting_a_sector_shifts_its_surface(shift, scale):
     """Its angles start at the link's x axis, which does not rotate with the mesh; all else moves along."""
-    motion = Motion.none()
-    motion.shift, motion.scale = np.array(shift), scale
+    motion = Motion.none(scale)
+    motion.shift = np.array(shift)
     assert_moves_along(WRIST, lambda m: SectorGrid(6, 8, -1.0, 1.2, m.axis(NEAR_Z), 0.01 * m.scale), motion)
 
 
@@ -134,12 +132,6 @@ def spline_tube(seed, n=6, m=10):
     return BSplineSurface(np.concatenate((net, net[:, :3]), axis=1), knots_u, knots_v, (3, 3), (False, True))
 
 
-def tessellated(surface, along, around):
-    """Triangles between points of a closed surface."""
-    points = surface.grid_points(np.linspace(0, 1, along), np.arange(around) / around)
-    return quads(points, closed=(False, True))
-
-
 def even_planes(surface, m=10):
     """The planes that the spline tube was made on."""
     return PlanesGrid(u_planes(surface.control_net[:, 0, 2]), v_planes(m // 2), True)
@@ -152,7 +144,8 @@ def test_what_the_space_contains_is_found(seed):
     truth = spline_tube(seed)
     errors = []
     for size in (1, 2, 4):
-        mesh = tessellated(truth, 20 * size + 1, 60 * size)
+        points = truth.grid_points(np.linspace(0, 1, 20 * size + 1), np.arange(60 * size) / (60 * size))
+        mesh = quads(points[:, ::-1], closed=(False, True))
         # The mesh ends in the first and last plane; the fit needs a hair's breadth beyond.
         longer = weld(mesh.vertices + (mesh.vertices[:, [2]] > LENGTH - 1e-9) * (0, 0, 1e-9), mesh.faces)
         fit = fit_surface(longer, even_planes(truth))

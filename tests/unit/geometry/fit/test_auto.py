@@ -4,21 +4,20 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from sample_scenes import shapes
 from skin_calib_addon.common.errors import InvalidPlan, UnreachableTolerance
 from skin_calib_addon.geometry import Axis, TubeGrid, fit_surface, fit_to_count, fit_to_tolerance, weld
 from skin_calib_addon.geometry.fit.auto import net_size
 from skin_calib_addon.geometry.fit.fitting import fit_lines
+from tests import shapes
 from tests.examples import slow
 
 Z = Axis((0.0015, 0.0005, 0.0), (0.0, 0.0, 1.0))
 MARGIN = 0.002
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def wrist():
-    mesh = shapes.wrist()
-    return weld(mesh.vertices, mesh.faces)
+    return shapes.wrist()
 
 
 def test_largest_error_keeps_within_the_tolerance(wrist):

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skin_calib_addon.common.arrays import unit
+from skin_calib_addon.common.arrays import pairs_of, unit
 from skin_calib_addon.common.errors import PoorFit, UnreachableTolerance
 from skin_calib_addon.geometry import (
     AutoGrid,
@@ -75,7 +75,7 @@ def dense_maximum(fit):
     """The largest distance on a grid that has nothing in common with the samples, edges included."""
     surface = fit.surface
     u, v = np.linspace(0, 1, 131), (np.arange(307) / 307 if surface.closed[1] else np.linspace(0, 1, 307))
-    uv = np.column_stack((np.repeat(u, len(v)), np.tile(v, len(u))))
+    uv = pairs_of(u, v)
     return float(closest(fit.mesh, surface.points(uv[fit.is_trusted(uv)]))[0].max())
 
 
@@ -112,10 +112,7 @@ def test_cause_is_a_fold_of_the_section():
 
 @pytest.mark.slow
 def test_cause_is_a_step():
-    """Two radii: the place is on the step, and neither facets nor the axis are blamed.
-
-    The best net is off the step by five times the tolerance, and by six times what facets explain.
-    """
+    """Two radii: the place is on the step, and neither facets nor the axis are blamed."""
     low, high = (np.linspace(*ends, 21) for ends in ((0, 0.049995), (0.050005, 0.1)))  # a step of 10 um
     mesh = revolved(np.column_stack((np.repeat((0.035, 0.030), 21), np.r_[low, high])), 96)
     with pytest.raises(UnreachableTolerance, match="because the mesh has steps or edges, the largest at") as caught:

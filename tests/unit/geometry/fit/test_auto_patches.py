@@ -4,16 +4,15 @@ import numpy as np
 import pytest
 
 from sample_scenes.shapes import tube_mesh
+from skin_calib_addon.common.arrays import pairs_of
 from skin_calib_addon.geometry import (
-    AcrossGrid,
     AutoGrid,
-    SectorGrid,
     fit_grid,
     fit_surface,
     fit_to_tolerance,
 )
 from skin_calib_addon.geometry.fit.auto import Predictor, net_size
-from skin_calib_addon.geometry.grid.grids import Tolerance, region_of
+from skin_calib_addon.geometry.grid.grids import Grid, Size, Tolerance, region_of
 from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.surface.distance import surface_samples
 from skin_calib_addon.plan import plan_from
@@ -72,9 +71,7 @@ SHARP = [pytest.param(roof(), FACE, id="roof"), pytest.param(wedge(), SECTOR, id
 def distances(fit):
     """Mean and largest distance from a surface to its mesh, by every triangle, at ten places in each span [m]."""
     n, m = (10 * (len(np.unique(k[3:-3])) - 1) for k in (fit.surface.knots_u, fit.surface.knots_v))
-    u, v = (np.arange(n) + 0.5) / n, (np.arange(m) + 0.5) / m
-    uv = np.column_stack((np.repeat(u, m), np.tile(v, n)))
-    r = fit.surface.derivatives(uv)
+    r = fit.surface.derivatives(pairs_of((np.arange(n) + 0.5) / n, (np.arange(m) + 0.5) / m))
     areas = np.linalg.norm(np.cross(r[1, 0], r[0, 1]), axis=1)
     distance = closest(fit.mesh, r[0, 0])[0]
     return float(areas @ distance / areas.sum()), float(distance.max())
@@ -117,10 +114,7 @@ def test_net_is_not_much_larger_than_it_must_be(mesh, where):
         lines = int(2 * size / 3) // n
         if lines < 4:
             continue
-        if "sector" in where:
-            grid = SectorGrid(n, lines, *where["sector"], where["axis"], where["margin"])
-        else:
-            grid = AcrossGrid(n, lines, UP, None, where["margin"])
+        grid = Grid(region_of(**where), Size(n, lines))
         assert fit_surface(mesh, grid).errors.surface_to_mesh.mean > tolerance, (n, lines)
 
 

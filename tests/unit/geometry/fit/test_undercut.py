@@ -12,7 +12,7 @@ from skin_calib_addon.geometry.fit.auto import fit_grid
 from skin_calib_addon.geometry.sampling.planes import Planes
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from skin_calib_addon.plan import load_plan
-from tests.shapes import TURN, Z_AXIS, Motion, keep, lobed, quads, u_planes, v_planes, wrist
+from tests.shapes import TURN, Z_AXIS, Motion, lobed, quads, u_planes, v_planes, wrist
 
 
 def outline(swing, points=20000, lobes=5, depth=0.004):
@@ -103,13 +103,6 @@ def test_undercut_of_a_face_is_found():
     fit = fit_surface(mesh, AcrossGrid(5, 30, (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 0.002))
     (warning,) = undercuts(fit)
     assert 2e-4 < warning.value < 0.01
-
-
-def test_hidden_part_next_to_the_open_side_counts():
-    """A lobed tube with an opening: the sector between the rims still names the undercut."""
-    mesh = keep(lobed(1.25), lambda centres: centres[:, 0] > -0.02)
-    fit = fit_surface(mesh, SectorGrid(5, 20, -1.8, 1.8, Z_AXIS, 0.002))
-    assert undercuts(fit)
 
 
 def test_side_walls_of_a_sole_are_not_undercuts():

@@ -179,8 +179,7 @@ def test_spans_with_more_error_become_shorter():
 
 @pytest.mark.parametrize("hole", [0.01, 0.02])
 def test_gaps_do_not_attract_planes(hole):
-    """A hole in a round tube leaves even places even; planes for a ring and a hole away from it are as
-    good for the ring alone as its own."""
+    """A hole in a round tube leaves even places even; a hole away from a ring hardly changes its planes."""
     holed = with_hole(cylinder(), (RADIUS, 0, 0.04), hole)
     along, across, parametrization = heights_of(holed, TubeGrid(8, 16, Z_AXIS, 0.004))
     assert (across.known == 0).any() and (along.known == 0).any()

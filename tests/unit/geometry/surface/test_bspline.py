@@ -123,10 +123,7 @@ def test_derivatives_are_slopes(make):
 
 @given(seed=seeds, degree=degrees)
 def test_seam_is_exact(seed, degree):
-    """At the seam of a closed surface the left and right limits of the point and its derivatives agree.
-
-    Point and normal to the rounding, derivatives below the degree to that of their size: the net repeats to the bit.
-    """
+    """The left and right limits of point, normal, and derivatives below the degree agree to the rounding."""
     closed = closed_surface(seed, (3, degree), m=degree + 4)
     cut = BSplineSurface(closed.control_net, closed.knots_u, closed.knots_v, closed.degree)  # v = 1 is not v = 0 here
     u = np.linspace(0, 1, 9)

@@ -63,9 +63,7 @@ CASES = {  # a mesh, and a grid from numbers of planes and lines and their spaci
 
 @pytest.mark.parametrize("case", CASES)
 def test_middle_stays_where_it_is_when_planes_and_lines_move(case):
-    """Along the surface within a hundredth of a millimetre, while the middle of the parameters moves ten times as far
-    and more. Along the normal, the distance of the middle from the mesh is that of its surface, whose coarse nets are
-    up to a tenth of a millimetre off."""
+    """Along the surface within a hundredth of a millimetre; the middle of the parameters moves ten times as far."""
     mesh, grid = CASES[case]
     surfaces = [fit_surface(mesh(), grid(*net)).surface for net in NETS]
     fine = surfaces[-1]
@@ -145,10 +143,7 @@ def test_middle_moves_with_the_mesh():
 
 
 def test_fractions_are_those_of_lengths_measured_along_the_line():
-    """On a wrist, along and round it; beyond an edge the line goes on.
-
-    Chords on both sides of a point shorten their arcs by different fractions: on a full turn, by a hundredth of a
-    millimetre."""
+    """On a wrist, along and round it; beyond an edge the line goes on."""
     surface = wrist_surface()
     fine = np.linspace(0, 1, 20001)
     for axis in (0, 1):
