@@ -190,6 +190,16 @@ def subdivided(mesh):
     return weld(points, np.arange(len(points)).reshape(-1, 3))
 
 
+def unevenly_divided(mesh):
+    """Return the mesh with the faces of one half of it in three each, so that vertices crowd there."""
+    centres = mesh.triangles.mean(axis=1)
+    chosen = centres[:, 0] > np.median(mesh.vertices[:, 0])
+    a, b, c = mesh.faces[chosen].T
+    new = len(mesh.vertices) + np.arange(len(a))
+    parts = [np.column_stack(part) for part in ((a, b, new), (b, c, new), (c, a, new))]
+    return weld(np.concatenate((mesh.vertices, centres[chosen])), np.concatenate((mesh.faces[~chosen], *parts)))
+
+
 def same_mesh(a: TriangleMesh, b: TriangleMesh):
     """Return whether two meshes are equal to the bit."""
     return a.vertices.tobytes() == b.vertices.tobytes() and a.faces.tobytes() == b.faces.tobytes()

@@ -21,7 +21,21 @@ from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from skin_calib_addon.geometry.sampling.frames import link_direction, link_side
 from skin_calib_addon.geometry.sampling.sections import cut_sections
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, box, cone, cylinder, keep, round_tube, sheet, together, wrist
+from tests.shapes import (
+    LENGTH,
+    RADIUS,
+    Z_AXIS,
+    Motion,
+    box,
+    cone,
+    cylinder,
+    keep,
+    round_tube,
+    sheet,
+    together,
+    unevenly_divided,
+    wrist,
+)
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -123,22 +137,11 @@ def four_sided():
 
 CHANGES = {
     "moved": lambda mesh, motion: motion.mesh(mesh),
-    "subdivided": lambda mesh, motion: weld(*subdivided(mesh)),
+    "subdivided": lambda mesh, motion: unevenly_divided(mesh),
     "shaken": lambda mesh, motion: weld(
         mesh.vertices + np.random.default_rng(2).normal(0, 1e-9, mesh.vertices.shape), mesh.faces
     ),
 }
-
-
-def subdivided(mesh):
-    """Every second face in three, so that vertices crowd on some sides."""
-    chosen = np.arange(len(mesh.faces)) % 2 == 0
-    chosen &= mesh.triangles.mean(axis=1)[:, 0] > 0
-    a, b, c = mesh.faces[chosen].T
-    new = len(mesh.vertices) + np.arange(len(a))
-    middle = mesh.triangles[chosen].mean(axis=1)
-    parts = [np.column_stack(part) for part in ((a, b, new), (b, c, new), (c, a, new))]
-    return np.concatenate((mesh.vertices, middle)), np.concatenate((mesh.faces[~chosen], *parts))
 
 
 @pytest.mark.parametrize("change", CHANGES)

@@ -62,16 +62,6 @@ def test_basis_is_that_of_scipy(spline, seed):
         assert_allclose(dense, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
-@given(degree=degrees, n=st.integers(1, 12), seed=seeds)
-def test_periodic_basis_is_one_function_shifted(degree, n, seed):
-    """Each function of a closed direction is its neighbour, one knot further."""
-    n = n + degree
-    knots = periodic_knots(n, degree)
-    u = np.random.default_rng(seed).uniform(0, 1 - 1 / n, 5)
-    here, there = basis_functions(u, knots, degree), basis_functions(u + 1 / n, knots, degree)
-    assert_allclose(there[:, 1:], here[:, :-1], rtol=0, atol=1e-12)
-
-
 @given(degree=degrees, extra=st.integers(0, 8))
 def test_greville_abscissae_make_the_identity(degree, extra):
     """Control points at the abscissae give a spline that is its own parameter; periodic ones too."""

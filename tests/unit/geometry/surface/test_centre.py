@@ -13,7 +13,6 @@ from skin_calib_addon.geometry import (
     SectorGrid,
     TubeGrid,
     fit_surface,
-    weld,
 )
 from skin_calib_addon.geometry.surface.centre import length_fractions, surface_centre
 from skin_calib_addon.geometry.surface.footpoints import footpoints
@@ -26,6 +25,7 @@ from tests.shapes import (
     cone_surface,
     plane_surface,
     round_tube,
+    unevenly_divided,
     welded,
     with_hole,
     wrist,
@@ -108,18 +108,9 @@ def test_middle_depends_on_the_shape_only(case):
     """Faces that are divided in one half of the mesh, and another net: within a hundredth and five of a millimetre."""
     mesh, grid = CASES[case]
     whole = mesh()
-    chosen = whole.triangles.mean(axis=1)[:, 0] > np.median(whole.vertices[:, 0])
-    a, b, c = whole.faces[chosen].T
-    new = len(whole.vertices) + np.arange(len(a))
-    parts = [np.column_stack(part) for part in ((a, b, new), (b, c, new), (c, a, new))]
-    points = np.concatenate((whole.vertices, whole.triangles[chosen].mean(axis=1)))
-    divided = weld(points, np.concatenate((whole.faces[~chosen], *parts)))
-    here, again, fine = (
-        surface.points(surface_centre(surface))[0]
-        for surface in (
-            fit_surface(m, grid(n, 2 * n, "auto")).surface for m, n in ((whole, 10), (divided, 10), (whole, 20))
-        )
-    )
+    nets = (whole, 10), (unevenly_divided(whole), 10), (whole, 20)
+    surfaces = [fit_surface(m, grid(n, 2 * n, "auto")).surface for m, n in nets]
+    here, again, fine = (surface.points(surface_centre(surface))[0] for surface in surfaces)
     assert np.linalg.norm(again - here) < 1e-6
     assert np.linalg.norm(fine - here) < 5e-5
 
