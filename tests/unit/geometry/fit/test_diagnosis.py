@@ -255,7 +255,7 @@ def test_warning_has_the_maximum_of_the_report(at, n):
 
 @pytest.mark.parametrize("scale", [0.2, 3.0])
 def test_limits_are_lengths_and_not_fractions_of_the_mesh(scale):
-    """The same shape in two sizes, beside that of the test above: no warning below 2 mm, refused above 10 mm."""
+    """The same shape, smaller and larger: no warning below 2 mm, refused above 10 mm."""
     mesh = with_step(0.3)
     mesh, grid = weld(scale * mesh.vertices, mesh.faces), TubeGrid(8, 16, Z_AXIS, scale * 0.004, "uniform")
     fit = fit_surface(mesh, grid, max_deviation=1.0)

@@ -15,7 +15,7 @@ from skin_calib_addon.plan import load_plan
 from tests.shapes import TURN, Z_AXIS, Motion, lobed, quads, u_planes, v_planes, wrist
 
 
-def outline(swing, points=20000, lobes=5, depth=0.004):
+def outline(swing, points=4000, lobes=5, depth=0.004):
     """Points of a curve with lobes; they lean over where ``swing`` is above one. Shape (k, 2) [m]."""
     t = TURN * np.arange(points) / points
     angle, radius = t + swing / lobes * np.sin(lobes * t), 0.035 + depth * np.cos(lobes * t + 1.2)
