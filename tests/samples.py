@@ -5,7 +5,7 @@ import numpy as np
 from skin_calib_addon.calibration import LinkCalibration, MeshSource, Patch, Response, SurfaceModel, TaxelArray
 from skin_calib_addon.common.surface_errors import DistanceStatistics, SurfaceErrors
 
-RADIUS = 0.035  # [m]
+RADIUS, BOARD_PITCH = 0.035, 0.02775  # [m]
 ERRORS = SurfaceErrors(DistanceStatistics(1e-5, 2e-5, 1e-4), DistanceStatistics(1.5e-5, 2.5e-5, 1.1e-4), 1.1e-4)
 
 
@@ -71,56 +71,49 @@ def sheet(rows, columns, pitch):
 
 def boards(first_channel=0):
     """Return two adjacent hexagonal boards on the plane."""
-    side = 0.0163
-    pitch = 0.02775
-    positions = np.array([[0.03, 0.05, -0.1], [0.03 + pitch, 0.05, -0.1]])
-    angle = np.deg2rad(30 + 60 * np.arange(6))
-    ring = side * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    taxels = TaxelArray(
-        ids=("h0", "h1"),
-        channels=np.array([first_channel, first_channel + 1]),
-        index=np.array([[0, 0], [1, -1]]),
-        uv=positions[:, :2] / 0.1,
-        positions_link=positions,
-        normals_link=np.array([[0, 0, 1.0]] * 2),
-        tangents_link=np.array([[1.0, 0, 0]] * 2),
-        corners_link=positions[:, None] + ring,
-        areas=np.full(2, 1.5 * np.sqrt(3) * side**2),
-        neighbours=(("h1",), ("h0",)),
-        quality={"gap": np.array([0.0, 1e-4]), "tilt": np.array([0.0, 0.02])},
-    )
+    fields = {
+        "ids": ("h0", "h1"),
+        "index": np.array([[0, 0], [1, -1]]),
+        "neighbours": (("h1",), ("h0",)),
+        "quality": {"gap": np.array([0.0, 1e-4]), "tilt": np.array([0.0, 0.02])},
+    }
     ports = {"x_ports": [[1, 0, 0, 0], [0, 0, 1, 0]]}
-    return Patch("boards", "hexagons", "plane", (1, 2), (pitch, pitch), taxels, ports)
+    positions = np.array([[0.03, 0.05, -0.1], [0.03 + BOARD_PITCH, 0.05, -0.1]])
+    taxels = hexagons(positions, first_channel, **fields)
+    return Patch("boards", "hexagons", "plane", (1, 2), (BOARD_PITCH, BOARD_PITCH), taxels, ports)
 
 
 def seven_boards(first_channel=0):
     """Return a hexagonal board and its six neighbours on the plane, with ports."""
-    side, pitch = 0.0163, 0.02775
-    cells = [
-        (0, 0),
-        (1, 0),
-        (0, 1),
-        (-1, 1),
-        (-1, 0),
-        (0, -1),
-        (1, -1),
-    ]  # the centre, then the sides, starting at the tangent
-    positions = np.array([[0.05 + pitch * (q + r / 2), 0.05 + pitch * r * 0.75**0.5, -0.1] for q, r in cells])
+    # the centre, then the sides, starting at the tangent
+    cells = [(0, 0), (1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1), (1, -1)]
+    positions = np.array(
+        [[0.05 + BOARD_PITCH * (q + r / 2), 0.05 + BOARD_PITCH * r * 0.75**0.5, -0.1] for q, r in cells]
+    )
     ids = {cell: f"b{cell[0]}.{cell[1]}" for cell in cells}
-    ports = [[ids.get((q + a, r + b)) for a, b in cells[1:]] for q, r in cells]
+    ports = tuple(tuple(ids.get((q + a, r + b)) for a, b in cells[1:]) for q, r in cells)
+    fields = {
+        "ids": tuple(ids.values()),
+        "index": np.array(cells),
+        "neighbours": tuple(tuple(other for other in row if other) for row in ports),
+        "ports": ports,
+    }
+    taxels = hexagons(positions, first_channel, **fields)
+    return Patch("flower", "hexagons", "plane", (3, 3), (BOARD_PITCH, BOARD_PITCH), taxels)
+
+
+def hexagons(positions, first_channel, **fields):
+    """Return the taxels of boards on the plane."""
+    side, count = 0.0163, len(positions)
     angle = np.deg2rad(30 + 60 * np.arange(6))
     ring = side * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    taxels = TaxelArray(
-        ids=tuple(ids.values()),
-        channels=first_channel + np.arange(7),
-        index=np.array(cells),
+    return TaxelArray(
+        channels=first_channel + np.arange(count),
         uv=positions[:, :2] / 0.1,
         positions_link=positions,
-        normals_link=np.array([[0, 0, 1.0]] * 7),
-        tangents_link=np.array([[1.0, 0, 0]] * 7),
+        normals_link=np.array([[0, 0, 1.0]] * count),
+        tangents_link=np.array([[1.0, 0, 0]] * count),
         corners_link=positions[:, None] + ring,
-        areas=np.full(7, 1.5 * np.sqrt(3) * side**2),
-        neighbours=tuple(tuple(other for other in row if other) for row in ports),
-        ports=tuple(map(tuple, ports)),
+        areas=np.full(count, 1.5 * np.sqrt(3) * side**2),
+        **fields,
     )
-    return Patch("flower", "hexagons", "plane", (3, 3), (pitch, pitch), taxels)

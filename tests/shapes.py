@@ -33,17 +33,55 @@ def cylinder(radius=RADIUS, length=LENGTH, around=96, along=26):
 def cone(bottom=0.045, top=0.030, length=LENGTH, around=96, along=26):
     """Return a tube about z whose radius changes from ``bottom`` to ``top``."""
 
-    def point(angle, height):
-        radius = bottom + (top - bottom) * height
-        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), length * height))
-
-    return welded(shapes.tube_mesh(point, around, along))
+    return round_tube(lambda angle, height: bottom + (top - bottom) * height, around, along, length)
 
 
 @cache
 def wrist():
     """Return the sample of a tapered, bent, irregular tube."""
     return welded(shapes.wrist())
+
+
+def round_tube(radius, around=96, along=26, length=LENGTH):
+    """Return a tube about z with a radius by angle and fraction of its length [m]."""
+
+    def point(angle, fraction):
+        r = radius(angle, fraction)
+        return np.column_stack((r * np.cos(angle), r * np.sin(angle), length * fraction))
+
+    return welded(shapes.tube_mesh(point, around, along))
+
+
+def swept(section, along=2, length=LENGTH):
+    """Return a tube along z with an outline (n, 2) that runs counter-clockwise [m]."""
+
+    def point(angle, fraction):
+        return np.column_stack(
+            (section[np.rint(angle / TURN * len(section)).astype(int) % len(section)], length * fraction)
+        )
+
+    return welded(shapes.tube_mesh(point, len(section), along))
+
+
+def revolved(profile, sides):
+    """Return a body about z with a row of vertices at each radius and height of a profile (n, 2) [m]."""
+
+    def point(angle, fraction):
+        radius, z = profile[np.rint(fraction * (len(profile) - 1)).astype(int)].T
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), z))
+
+    return welded(shapes.tube_mesh(point, sides, len(profile)))
+
+
+@cache
+def lobed(swing):
+    """Return a tube with five lobes that lean over where ``swing`` is above one."""
+
+    def point(angle, height):
+        phi, radius = angle + swing / 5 * np.sin(5 * angle), 0.035 + 0.004 * np.cos(5 * angle + 1.2)
+        return np.column_stack((radius * np.cos(phi), radius * np.sin(phi), LENGTH * height))
+
+    return welded(shapes.tube_mesh(point, 240, 6))
 
 
 def welded(mesh):
@@ -53,13 +91,18 @@ def welded(mesh):
 
 def sheet(height, size=(0.1, 0.08), cells=(20, 16)):
     """Return the graph z = height(x, y) over a rectangle that starts at the origin; normals point up."""
-    a, b = cells
-    i, j = (k.ravel() for k in np.meshgrid(np.arange(a + 1), np.arange(b + 1), indexing="ij"))
-    x, y = size[0] * i / a, size[1] * j / b
-    p = (np.arange(a)[:, None] * (b + 1) + np.arange(b)).ravel()
-    q, r, s = p + b + 1, p + b + 2, p + 1
+    i, j = np.indices((cells[0] + 1, cells[1] + 1))
+    x, y = size[0] * i / cells[0], size[1] * j / cells[1]
+    return quads(np.stack((x, y, height(x, y)), axis=-1))
+
+
+def quads(points, closed=(False, False)):
+    """Return two triangles for each cell of a grid of points (n, m, 3); normals are (next row) x (next column)."""
+    k = np.arange(points[..., 0].size).reshape(points.shape[:2])
+    n, m = (size - (not c) for size, c in zip(k.shape, closed))
+    p, q, r, s = (np.roll(k, turn, (0, 1))[:n, :m].ravel() for turn in ((0, 0), (-1, 0), (-1, -1), (0, -1)))
     faces = np.concatenate((np.column_stack((p, q, r)), np.column_stack((p, r, s))))
-    return weld(np.column_stack((x, y, height(x, y))), faces)
+    return weld(points.reshape(-1, 3), faces)
 
 
 def dome():
@@ -91,6 +134,11 @@ def with_hole(mesh, centre, radius):
     return keep(mesh, lambda centres: np.linalg.norm(centres - centre, axis=1) > radius)
 
 
+def turned(mesh, chosen):
+    """Return the mesh with some faces wound in reverse."""
+    return weld(mesh.vertices, np.where(np.asarray(chosen)[:, None], mesh.faces[:, ::-1], mesh.faces))
+
+
 class Motion:
     """A rotation, a translation and a scale of meshes, points and directions."""
 
@@ -100,9 +148,9 @@ class Motion:
         self.scale = scale
 
     @classmethod
-    def none(cls):
-        """Return the identity."""
-        motion = cls(0)
+    def none(cls, scale=1.0):
+        """Return a scale alone."""
+        motion = cls(0, scale)
         motion.rotation, motion.shift = np.eye(3), np.zeros(3)
         return motion
 
@@ -142,6 +190,16 @@ def subdivided(mesh):
     return weld(points, np.arange(len(points)).reshape(-1, 3))
 
 
+def unevenly_divided(mesh):
+    """Return the mesh with the faces of one half of it in three each, so that vertices crowd there."""
+    centres = mesh.triangles.mean(axis=1)
+    chosen = centres[:, 0] > np.median(mesh.vertices[:, 0])
+    a, b, c = mesh.faces[chosen].T
+    new = len(mesh.vertices) + np.arange(len(a))
+    parts = [np.column_stack(part) for part in ((a, b, new), (b, c, new), (c, a, new))]
+    return weld(np.concatenate((mesh.vertices, centres[chosen])), np.concatenate((mesh.faces[~chosen], *parts)))
+
+
 def same_mesh(a: TriangleMesh, b: TriangleMesh):
     """Return whether two meshes are equal to the bit."""
     return a.vertices.tobytes() == b.vertices.tobytes() and a.faces.tobytes() == b.faces.tobytes()
@@ -177,9 +235,24 @@ def wrist_surface():
     return fit_surface(wrist(), TubeGrid(10, 20, margin=0.002, spacing="uniform")).surface
 
 
+def even_spans(start, stop, count):
+    """Return positions of the control points of a cubic with even spans: those next to an end are nearer to it."""
+    return np.interp(greville(clamped_knots(count, 3), 3), (0, 1), (start, stop))
+
+
+def u_planes(stations, tilts=0.0):
+    """Return planes across z, tilted about the y axis."""
+    stations, tilts = np.broadcast_arrays(np.asarray(stations, float), tilts)
+    return Planes(stations[:, None] * (0, 0, 1.0), np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts))))
+
+
+def v_planes(count, first=0.0):
+    """Return full planes through z, at even angles."""
+    angle = first + np.arange(count) * np.pi / count
+    return Planes(np.zeros((count, 3)), np.column_stack((-np.sin(angle), np.cos(angle), 0 * angle)))
+
+
 def hinged_planes(x, tilts):
-    """u-planes that all pass through the line (x, y, 50 mm), and 16 half-planes about z."""
-    normals = np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts)))[:: 1 if x > 0 else -1]
-    angle = np.arange(8) * np.pi / 8
-    v = np.column_stack((-np.sin(angle), np.cos(angle), 0 * angle))
-    return PlanesGrid(Planes(np.tile((x, 0, 0.05), (len(tilts), 1)), normals), Planes(np.zeros((8, 3)), v), True)
+    """Return u-planes that all pass through the line (x, y, 50 mm), and 16 half-planes about z."""
+    normals = u_planes(0 * tilts, tilts).normals[:: 1 if x > 0 else -1]
+    return PlanesGrid(Planes(np.tile((x, 0, 0.05), (len(tilts), 1)), normals), v_planes(8), True)

@@ -21,7 +21,7 @@ from skin_calib_addon.geometry.fit import fitting as fit_module
 from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.surface.bspline import clamped_knots, periodic_knots
 from tests.examples import examples
-from tests.shapes import LENGTH, TURN, Motion, dome, keep, sheet, shuffled, with_hole, wrist
+from tests.shapes import LENGTH, TURN, Motion, dome, keep, quads, sheet, shuffled, u_planes, v_planes, with_hole, wrist
 
 seeds = st.integers(0, 2**32 - 1)
 UV = np.random.default_rng(0).uniform(0, 1, (300, 2))
@@ -33,14 +33,9 @@ WRIST, HOLED = wrist(), with_hole(wrist(), (0.035, 0.0, 0.05), 0.01)
 def author_planes(motion):
     """Fanned planes one by one, moved with the mesh."""
     tilts = np.linspace(-0.2, 0.2, 7)
-    stations, angles = np.linspace(0.02, 0.08, 7), np.arange(8) * np.pi / 8
-    points = stations[:, None] * (0, 0, 1.0), np.tile((0.002, 0.001, 0), (8, 1))
-    normals = (
-        np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts))),
-        np.column_stack((-np.sin(angles), np.cos(angles), 0 * angles)),
-    )
-    points, normals = [motion.points(p) for p in points], [motion.directions(n) for n in normals]
-    return PlanesGrid(*(Planes(p, n) for p, n in zip(points, normals)), closed=True)
+    u, v = u_planes(np.linspace(0.02, 0.08, 7), tilts), v_planes(8)
+    families = (u.points, u.normals), (v.points + (0.002, 0.001, 0), v.normals)
+    return PlanesGrid(*(Planes(motion.points(p), motion.directions(n)) for p, n in families), closed=True)
 
 
 def tube(axis=None, margin=0.002):
@@ -78,9 +73,7 @@ def test_moving_the_mesh_moves_the_surface(case, seed):
 @given(scale=st.floats(0.05, 20))
 def test_scaling_the_mesh_scales_the_surface(case, scale):
     """From a finger to a torso."""
-    motion = Motion.none()
-    motion.scale = scale
-    assert_moves_along(*GRIDS[case], motion)
+    assert_moves_along(*GRIDS[case], Motion.none(scale))
 
 
 @examples(5)
@@ -99,8 +92,8 @@ def test_moving_a_face_moves_its_surface(seed, scale):
 @given(shift=st.tuples(*3 * [st.floats(-2, 2)]), scale=st.floats(0.3, 3))
 def test_shifting_a_sector_shifts_its_surface(shift, scale):
     """Its angles start at the link's x axis, which does not rotate with the mesh; all else moves along."""
-    motion = Motion.none()
-    motion.shift, motion.scale = np.array(shift), scale
+    motion = Motion.none(scale)
+    motion.shift = np.array(shift)
     assert_moves_along(WRIST, lambda m: SectorGrid(6, 8, -1.0, 1.2, m.axis(NEAR_Z), 0.01 * m.scale), motion)
 
 
@@ -139,22 +132,9 @@ def spline_tube(seed, n=6, m=10):
     return BSplineSurface(np.concatenate((net, net[:, :3]), axis=1), knots_u, knots_v, (3, 3), (False, True))
 
 
-def tessellated(surface, along, around):
-    """Triangles between points of a closed surface."""
-    points = surface.grid_points(np.linspace(0, 1, along), np.arange(around) / around)
-    a, b = np.meshgrid(np.arange(along - 1), np.arange(around), indexing="ij")
-    p, q = (a * around + b).ravel(), (a * around + (b + 1) % around).ravel()
-    faces = np.concatenate((np.column_stack((p, q + around, q)), np.column_stack((p, p + around, q + around))))
-    return weld(points.reshape(-1, 3), faces)
-
-
 def even_planes(surface, m=10):
     """The planes that the spline tube was made on."""
-    stations, angle = surface.control_net[:, 0, 2], -TURN * np.arange(m // 2) / m
-    u = Planes(stations[:, None] * (0, 0, 1.0), np.tile((0, 0, 1.0), (len(stations), 1)))
-    return PlanesGrid(
-        u, Planes(np.zeros((m // 2, 3)), np.column_stack((-np.sin(angle), np.cos(angle), 0 * angle))), True
-    )
+    return PlanesGrid(u_planes(surface.control_net[:, 0, 2]), v_planes(m // 2), True)
 
 
 @examples(4)
@@ -164,7 +144,8 @@ def test_what_the_space_contains_is_found(seed):
     truth = spline_tube(seed)
     errors = []
     for size in (1, 2, 4):
-        mesh = tessellated(truth, 20 * size + 1, 60 * size)
+        points = truth.grid_points(np.linspace(0, 1, 20 * size + 1), np.arange(60 * size) / (60 * size))
+        mesh = quads(points[:, ::-1], closed=(False, True))
         # The mesh ends in the first and last plane; the fit needs a hair's breadth beyond.
         longer = weld(mesh.vertices + (mesh.vertices[:, [2]] > LENGTH - 1e-9) * (0, 0, 1e-9), mesh.faces)
         fit = fit_surface(longer, even_planes(truth))

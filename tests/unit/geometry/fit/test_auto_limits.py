@@ -6,28 +6,40 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sample_scenes import shapes
-from skin_calib_addon.common.arrays import unit
+from skin_calib_addon.common.arrays import pairs_of, unit
 from skin_calib_addon.common.errors import PoorFit, UnreachableTolerance
 from skin_calib_addon.geometry import (
     AutoGrid,
     Axis,
     CoverSpec,
-    SectorGrid,
     TubeGrid,
     cut_cover,
     fit_surface,
     fit_to_tolerance,
     load_mesh,
 )
-from skin_calib_addon.geometry.fit.auto import fit_grid, net_size, rounded_up
+from skin_calib_addon.geometry.fit.auto import fit_grid, rounded_up
 from skin_calib_addon.geometry.fit.diagnosis import FOLDED_AREA
 from skin_calib_addon.geometry.fit.limits import better_axis
 from skin_calib_addon.geometry.grid.grids import Sector, Tube
 from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from tests.examples import slow
-from tests.shapes import RADIUS, TURN, Z_AXIS, Motion, cone, cylinder, dome, together, welded, wrist
+from tests.shapes import (
+    RADIUS,
+    TURN,
+    Z_AXIS,
+    Motion,
+    cone,
+    cylinder,
+    dome,
+    lobed,
+    revolved,
+    round_tube,
+    swept,
+    together,
+    wrist,
+)
 
 DATA = (Path(__file__).parents[4] / ".." / "shared" / "data").resolve()
 FOLDERS = DATA / "meshes", DATA / "robots" / "g1_description" / "meshes"
@@ -47,75 +59,23 @@ LINKS = (
 )
 
 
-def lobed(swing):
-    """A tube with five lobes that lean over where ``swing`` is above one."""
-
-    def point(angle, height):
-        phi, radius = angle + swing / 5 * np.sin(5 * angle), 0.035 + 0.004 * np.cos(5 * angle + 1.2)
-        return np.column_stack((radius * np.cos(phi), radius * np.sin(phi), 0.1 * height))
-
-    return welded(shapes.tube_mesh(point, 240, 6))
+def closed_cone(apex, height, sides, rings):
+    """A cone about z from rings of triangles, with a tip of this angle [degrees] and a base."""
+    level = np.arange(rings + 1) / rings
+    radius = height * np.tan(np.radians(apex) / 2)
+    return revolved(np.vstack(((0, 0), np.column_stack((radius * (1 - level), height * level)))), sides)
 
 
 def stepped():
     """A tube of two radii with a sharp step halfway."""
-
-    def point(angle, height):
-        radius = np.where(height < 0.5, 0.035, 0.030)
-        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), 0.1 * height))
-
-    return welded(shapes.tube_mesh(point, 288, 41))
-
-
-def shouldered(rise=1e-5):
-    """A tube of two radii, 5 mm apart; the step between its rings of 2.5 mm is ``rise`` [m] long."""
-    rings = 42  # even, so that the middle two of them are at the step
-
-    def point(angle, height):
-        radius = np.where(height < 0.5, 0.035, 0.030)
-        from_step = (0.1 - rise) / 2 * (2 * np.abs(height - 0.5) * (rings - 1) - 1) / (rings - 2) + rise / 2
-        z = 0.05 + np.sign(height - 0.5) * from_step
-        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), z))
-
-    return welded(shapes.tube_mesh(point, 96, rings))
-
-
-def closed_cone(apex, height, sides, rings):
-    """A cone about z from rings of triangles, with a tip of this angle [degrees] and a base."""
-    radius, angle = height * np.tan(np.radians(apex) / 2), TURN * np.arange(sides) / sides
-    around = np.column_stack((np.cos(angle), np.sin(angle), 0 * angle))
-    levels = np.arange(rings) / rings
-    vertices = np.concatenate([radius * (1 - z) * around + (0, 0, z * height) for z in levels])
-    vertices = np.vstack((vertices, (0, 0, height), (0, 0, 0)))
-    i, tip = np.arange(sides), len(vertices) - 2
-    j, faces = (i + 1) % sides, []
-    for low in sides * np.arange(rings - 1):
-        high = low + sides
-        faces += [np.column_stack((low + i, low + j, high + j)), np.column_stack((low + i, high + j, high + i))]
-    last = sides * (rings - 1)
-    faces += [
-        np.column_stack((last + i, last + j, np.full(sides, tip))),
-        np.column_stack((j, i, np.full(sides, tip + 1))),
-    ]
-    return weld(vertices, np.concatenate(faces))
-
-
-def finned():
-    """A tube with a fin of 15 mm along a thin sector of half its length."""
-
-    def point(angle, height):
-        fin = (np.abs(angle - 1.0) < 0.02) & (height > 0.5)
-        radius = 0.035 + np.where(fin, 0.015, 0.0)
-        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), 0.1 * height))
-
-    return welded(shapes.tube_mesh(point, 288, 41))
+    return round_tube(lambda a, h: np.where(h < 0.5, 0.035, 0.030), 288, 41)
 
 
 def dense_maximum(fit):
     """The largest distance on a grid that has nothing in common with the samples, edges included."""
     surface = fit.surface
     u, v = np.linspace(0, 1, 131), (np.arange(307) / 307 if surface.closed[1] else np.linspace(0, 1, 307))
-    uv = np.column_stack((np.repeat(u, len(v)), np.tile(v, len(u))))
+    uv = pairs_of(u, v)
     return float(closest(fit.mesh, surface.points(uv[fit.is_trusted(uv)]))[0].max())
 
 
@@ -141,36 +101,6 @@ def test_largest_distance_holds_on_another_dense_grid(mesh, tolerance, where):
     assert dense_maximum(fit) <= tolerance * 1.0005
 
 
-def test_largest_distance_is_that_of_a_dense_grid():
-    """It is no less than samples find, and no more than there is."""
-    fit = fit_surface(wrist(), SectorGrid(6, 9, -1.0, 1.5, Z_AXIS, 0.003))
-    assert dense_maximum(fit) <= fit.errors.surface_to_mesh.max * 1.0005
-
-
-@pytest.mark.parametrize(
-    ("mesh", "tolerances", "where"),
-    [
-        (stepped, (2e-4, 1e-4, 2e-5), {"axis": Z_AXIS, "margin": 0.002}),
-    ],
-)
-def test_achievable_error_is_the_same_for_all_tolerances_and_is_achieved(mesh, tolerances, where):
-    """Once a tolerance is refused, smaller ones are, with the same value; asking for the value succeeds, twice."""
-    mesh, achievable = mesh(), []
-    for tolerance in tolerances:
-        try:
-            assert fit_to_tolerance(mesh, tolerance, **where).errors.surface_to_mesh.mean <= tolerance
-            assert not achievable
-        except UnreachableTolerance as error:
-            achievable.append(error.numbers["achievable"])
-            assert f"{achievable[-1] * 1e3:g} mm" in str(error) and achievable[-1] > tolerance
-    if not achievable:
-        return
-    assert len(set(achievable)) == 1
-    fits = [fit_to_tolerance(mesh, achievable[0], **where) for _ in range(2)]
-    assert fits[0].errors.surface_to_mesh.mean <= achievable[0]
-    assert net_size(fits[0]) == net_size(fits[1])
-
-
 @pytest.mark.slow
 def test_cause_is_a_fold_of_the_section():
     """Lobes that lean over, with the place."""
@@ -182,12 +112,11 @@ def test_cause_is_a_fold_of_the_section():
 
 @pytest.mark.slow
 def test_cause_is_a_step():
-    """Two radii: the place is on the step, and neither facets nor the axis are blamed.
-
-    The best net is off the step by five times the tolerance, and by six times what facets explain.
-    """
+    """Two radii: the place is on the step, and neither facets nor the axis are blamed."""
+    low, high = (np.linspace(*ends, 21) for ends in ((0, 0.049995), (0.050005, 0.1)))  # a step of 10 um
+    mesh = revolved(np.column_stack((np.repeat((0.035, 0.030), 21), np.r_[low, high])), 96)
     with pytest.raises(UnreachableTolerance, match="because the mesh has steps or edges, the largest at") as caught:
-        fit_to_tolerance(shouldered(), 1e-4, "max", axis=Z_AXIS, margin=0.002)
+        fit_to_tolerance(mesh, 1e-4, "max", axis=Z_AXIS, margin=0.002)
     height = float(str(caught.value).split(") mm, near")[0].split(", ")[-1])
     assert 49 < height < 51
     assert caught.value.numbers["achievable"] > 4e-4
@@ -196,20 +125,9 @@ def test_cause_is_a_step():
 @pytest.mark.slow
 def test_cause_are_parts():
     """A cover of four loose shells about a shaft: no curve is the outer one."""
+    angle = TURN * np.arange(24) / 24 / 5
     shells = [
-        welded(
-            shapes.tube_mesh(
-                lambda angle, height, i=i: np.column_stack(
-                    (
-                        RADIUS * np.cos(angle / 5 + i * TURN / 4),
-                        RADIUS * np.sin(angle / 5 + i * TURN / 4),
-                        0.1 * height,
-                    )
-                ),
-                24,
-                6,
-            )
-        )
+        swept(RADIUS * np.column_stack((np.cos(angle + i * TURN / 4), np.sin(angle + i * TURN / 4))), 6)
         for i in range(4)
     ]
     mesh = together(cylinder(radius=0.02), *shells)
@@ -260,8 +178,9 @@ def test_axis_is_not_blamed_without_a_better_one():
 @pytest.mark.slow
 def test_a_place_too_far_from_the_mesh_is_named_instead_of_an_error_that_is_refused():
     """A narrow fin: the mean is within the tolerance, but the end of the fin is 0.1 mm off, and 0.05 mm are allowed."""
+    mesh = round_tube(lambda a, h: 0.035 + 0.015 * ((np.abs(a - 1.0) < 0.02) & (h > 0.5)), 288, 41)
     with pytest.raises(PoorFit, match=r"limit 0.05 mm\) off the mesh at \(") as caught:
-        fit_grid(finned(), AutoGrid(1e-5, axis=Z_AXIS, margin=0.002), (3, 3), max_deviation=5e-5)
+        fit_grid(mesh, AutoGrid(1e-5, axis=Z_AXIS, margin=0.002), (3, 3), max_deviation=5e-5)
     assert caught.value.numbers["distance"] > 5e-5
     angle = np.arctan2(caught.value.numbers["place"].point[1], caught.value.numbers["place"].point[0])
     assert abs(angle - 1.0) < 0.05

@@ -4,22 +4,20 @@ import numpy as np
 import pytest
 
 from sample_scenes.shapes import tube_mesh
-from skin_calib_addon.common.errors import InvalidPlan, SkinCalibError
+from skin_calib_addon.common.arrays import pairs_of
 from skin_calib_addon.geometry import (
-    AcrossGrid,
     AutoGrid,
-    SectorGrid,
     fit_grid,
     fit_surface,
     fit_to_tolerance,
 )
 from skin_calib_addon.geometry.fit.auto import Predictor, net_size
-from skin_calib_addon.geometry.grid.grids import Tolerance, region_of
+from skin_calib_addon.geometry.grid.grids import Grid, Size, Tolerance, region_of
 from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.surface.distance import surface_samples
 from skin_calib_addon.plan import plan_from
 from tests.examples import slow
-from tests.shapes import Z_AXIS, cone, cylinder, dome, keep, sheet, welded, wrist
+from tests.shapes import Z_AXIS, cone, cylinder, dome, sheet, welded, wrist
 
 UP = (0.0, 0.0, 1.0)
 SECTOR = {"sector": (-1.0, 1.5), "axis": Z_AXIS, "margin": 0.004}
@@ -73,16 +71,14 @@ SHARP = [pytest.param(roof(), FACE, id="roof"), pytest.param(wedge(), SECTOR, id
 def distances(fit):
     """Mean and largest distance from a surface to its mesh, by every triangle, at ten places in each span [m]."""
     n, m = (10 * (len(np.unique(k[3:-3])) - 1) for k in (fit.surface.knots_u, fit.surface.knots_v))
-    u, v = (np.arange(n) + 0.5) / n, (np.arange(m) + 0.5) / m
-    uv = np.column_stack((np.repeat(u, m), np.tile(v, n)))
-    r = fit.surface.derivatives(uv)
+    r = fit.surface.derivatives(pairs_of((np.arange(n) + 0.5) / n, (np.arange(m) + 0.5) / m))
     areas = np.linalg.norm(np.cross(r[1, 0], r[0, 1]), axis=1)
     distance = closest(fit.mesh, r[0, 0])[0]
     return float(areas @ distance / areas.sum()), float(distance.max())
 
 
 @pytest.mark.parametrize(("mesh", "where"), CASES + SHARP)
-@pytest.mark.parametrize("tolerance", [3e-4, slow(2e-4), slow(1e-4), 6e-5])
+@pytest.mark.parametrize("tolerance", [slow(3e-4), slow(1e-4), 6e-5])
 def test_mean_keeps_within_the_tolerance(mesh, where, tolerance):
     """By exact distances at places that were not looked at; a hundredth for the places."""
     fit = fit_to_tolerance(mesh, tolerance, **where)
@@ -100,15 +96,6 @@ def test_largest_keeps_within_the_tolerance(mesh, where, tolerance):
     assert distances(fit)[1] <= 1.1 * tolerance
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize(("mesh", "where"), CASES)
-@pytest.mark.parametrize(("measure", "tolerances"), [("mean", (1.0, 3e-4, 1e-4, 6e-5)), ("max", (1.0, 1e-3, 4e-4))])
-def test_smaller_tolerance_never_takes_fewer_control_points(mesh, where, measure, tolerances):
-    """From a tolerance of metres on, which takes the smallest net of the degree."""
-    sizes = [net_size(fit_to_tolerance(mesh, t, measure, **where)) for t in tolerances]
-    assert sizes[0] == 16 and sizes == sorted(sizes)
-
-
 @pytest.mark.parametrize(("mesh", "where"), CASES)
 def test_net_is_not_much_larger_than_it_must_be(mesh, where):
     """Grids of two thirds of its control points miss the tolerance, however they are split."""
@@ -118,10 +105,7 @@ def test_net_is_not_much_larger_than_it_must_be(mesh, where):
         lines = int(2 * size / 3) // n
         if lines < 4:
             continue
-        if "sector" in where:
-            grid = SectorGrid(n, lines, *where["sector"], where["axis"], where["margin"])
-        else:
-            grid = AcrossGrid(n, lines, UP, None, where["margin"])
+        grid = Grid(region_of(**where), Size(n, lines))
         assert fit_surface(mesh, grid).errors.surface_to_mesh.mean > tolerance, (n, lines)
 
 
@@ -133,13 +117,8 @@ def test_plane_takes_the_smallest_net(degree, measure):
     fit = fit_to_tolerance(slope, 1e-9, measure, degree, normal=UP)
     p, q = (degree, degree) if isinstance(degree, int) else degree
     assert fit.lines.origins.shape[:2] == (p + 1, q + 1)
-    assert distances_to_plane(fit) < 1e-13
-
-
-def distances_to_plane(fit):
-    """Largest height over the slope of the test above [m]."""
-    points = fit.surface.points(surface_samples(fit.surface)[0])
-    return np.abs(points[:, 2] - 0.02 - 0.3 * points[:, 0] + 0.2 * points[:, 1]).max()
+    x, y, z = fit.surface.points(surface_samples(fit.surface)[0]).T
+    assert np.abs(z - 0.02 - 0.3 * x + 0.2 * y).max() < 1e-13
 
 
 def test_sector_of_a_cone_takes_the_fewest_planes():
@@ -151,16 +130,6 @@ def test_sector_of_a_cone_takes_the_fewest_planes():
     assert [s[0] for s in shapes] == [4, 4] and shapes[0][1] < shapes[1][1]
 
 
-def test_half_tube_needs_no_whole_sections():
-    """A sector of a tube that is open on the other side is met; all round it is refused with one line."""
-    half = keep(wrist(), lambda c: c[:, 0] > 0)
-    fit = fit_to_tolerance(half, 1e-4, sector=(-1.2, 1.2), axis=Z_AXIS, margin=0.004)
-    assert fit.errors.surface_to_mesh.mean <= 1e-4
-    with pytest.raises(SkinCalibError) as caught:
-        fit_to_tolerance(half, 1e-4, axis=Z_AXIS)
-    assert "\n" not in str(caught.value)
-
-
 @pytest.mark.parametrize(
     ("members", "kind"),
     [
@@ -170,23 +139,14 @@ def test_half_tube_needs_no_whole_sections():
         ({"axis": {"point": [0, 0, 0], "direction": [0, 0, 1]}, "margin": 0.004}, "tube"),
     ],
 )
-@pytest.mark.parametrize(("measure", "tolerance"), [("mean", 1e-4), slow("max", 5e-4)])
-def test_plan_is_carried_out(members, kind, measure, tolerance):
+def test_plan_is_carried_out(members, kind):
     """An automatic grid as a plan writes it: the mesh's part that was meant, within the tolerance that was asked."""
-    plan = plan_from(
-        {
-            "version": 1,
-            "link": "forearm",
-            "mesh": "forearm.stl",
-            "unit": "m",
-            "grid": {"kind": "auto", "tolerance": tolerance, "measure": measure, **members},
-            "skins": [],
-        }
-    )
+    grid = {"kind": "auto", "tolerance": 1e-4, "measure": "mean", **members}
+    plan = plan_from({"version": 1, "link": "arm", "mesh": "arm.stl", "unit": "m", "grid": grid, "skins": []})
     assert isinstance(plan.surface.grid.size, Tolerance)
     mesh = ridge() if kind == "face" else wrist()
     fit = fit_grid(mesh, plan.surface.grid, plan.surface.degree)
-    assert getattr(fit.errors.surface_to_mesh, measure) <= 1.05 * tolerance
+    assert fit.errors.surface_to_mesh.mean <= 1e-4
     assert fit.surface.closed == (False, kind == "tube")
     if kind == "sector":
         edges = fit.surface.points(((0.5, 0.0), (0.5, 1.0)))
@@ -240,12 +200,3 @@ def test_prediction_is_what_a_fit_keeps(mesh, where, off):
     for size in ((4, 5), (4, 8), (6, 5), (5, 11), (8, 12), (8, 17), (10, 20)):
         fit = predictor.fit(size)
         np.testing.assert_allclose(predictor.error(size), fit.errors.surface_to_mesh.mean, rtol=off, err_msg=str(size))
-
-
-@pytest.mark.parametrize("where", [{"sector": (1.0, 1.0)}, {"sector": (0.0, 7.0)}, {"normal": (0.0, 0.0, -1.0)}])
-def test_regions_that_are_none_are_refused(where):
-    """No angle, more than a turn, a direction that no face looks along: one line."""
-    mesh = dome() if "normal" in where else wrist()
-    with pytest.raises(InvalidPlan) as caught:
-        fit_to_tolerance(mesh, 1e-4, **where)
-    assert "\n" not in str(caught.value)

@@ -5,12 +5,14 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.interpolate import LSQBivariateSpline
 
+from skin_calib_addon.common.arrays import pairs_of
 from skin_calib_addon.geometry import SectorGrid, TubeGrid, fit_surface, weld
 from skin_calib_addon.geometry.fit.chords import largest_sagittas, lift_to_corners
 from skin_calib_addon.geometry.sampling.samples import SampleRows
-from tests.shapes import LENGTH, RADIUS, TURN, Z_AXIS, box, cylinder, keep, wrist
+from tests.shapes import LENGTH, RADIUS, TURN, Z_AXIS, box, cylinder, keep, quads, wrist
 
 MARGIN, PLANES, LINES = 0.002, 14, 50
+UV = pairs_of(np.linspace(0, 1, 30), np.arange(40) / 40)
 
 
 def lobed_radius(angle, z):
@@ -59,13 +61,11 @@ def test_surface_is_as_near_to_the_truth_as_a_spline_through_the_vertices():
     """SciPy's least squares has the true angle and height of each vertex; the fit has the mesh only."""
     mesh = lobed_tube()
     surface = fit_surface(mesh, TubeGrid(PLANES, LINES, Z_AXIS, MARGIN), chords=True).surface
-    u, v = (x.ravel() for x in np.meshgrid((np.arange(150) + 0.5) / 150, np.arange(200) / 200))
-    points = surface.points(np.column_stack((u, v)))
+    uv = pairs_of((np.arange(150) + 0.5) / 150, np.arange(200) / 200)
+    points = surface.points(uv)
     errors = lobed_errors(points)
     peers = lobed_errors(spline_through_vertices(mesh, np.arctan2(points[:, 1], points[:, 0]), points[:, 2]))
-    facets = lobed_errors(
-        fit_surface(mesh, TubeGrid(PLANES, LINES, Z_AXIS, MARGIN)).surface.points(np.column_stack((u, v)))
-    )
+    facets = lobed_errors(fit_surface(mesh, TubeGrid(PLANES, LINES, Z_AXIS, MARGIN)).surface.points(uv))
     assert errors.mean() < 1.1 * peers.mean() < 0.1 * facets.mean()
     assert errors.max() < 1.1 * peers.max()
 
@@ -74,8 +74,7 @@ def test_surface_is_as_near_to_the_truth_as_a_spline_through_the_vertices():
 def test_surface_is_on_the_true_cylinder_up_to_the_edges(around):
     """The corners next to the edges of a sector are partly outside of the surface."""
     surface = fit_surface(cylinder(around=around), SectorGrid(5, 12, -0.5, 1.0, Z_AXIS, 0.01), chords=True).surface
-    u, v = (x.ravel() for x in np.meshgrid(np.linspace(0, 1, 30), np.linspace(0, 1, 40)))
-    radii = np.hypot(*surface.points(np.column_stack((u, v)))[:, :2].T)
+    radii = np.hypot(*surface.points(UV)[:, :2].T)
     facet = RADIUS * (1 - np.cos(np.pi / around))
     assert np.abs(radii - RADIUS).mean() < 0.03 * facet and np.abs(radii - RADIUS).max() < 0.06 * facet
 
@@ -84,10 +83,7 @@ def test_gaps_end_where_the_surface_meets_the_corners():
     """Over a mesh of the surface's own points the gaps equal the residuals: the surface stays."""
     fit = fit_surface(wrist(), TubeGrid(10, 20, Z_AXIS, 0.004))
     u, v = np.linspace(0, 1, 17), np.arange(23) / 23
-    corners = fit.surface.points(np.column_stack((np.repeat(u, 23), np.tile(v, 17))))
-    i, j = (x.ravel() for x in np.indices((16, 23)))
-    p, q = 23 * i + j, 23 * i + (j + 1) % 23
-    mesh = weld(corners, np.concatenate((np.column_stack((p, p + 23, q + 23)), np.column_stack((p, q + 23, q)))))
+    mesh = quads(fit.surface.grid_points(u, v), closed=(False, True))
     samples = SampleRows.of(mesh, fit.lines, fit.basis).cast(
         fit.basis.blend(fit.offsets[..., None] * fit.lines.directions)
     )
@@ -109,8 +105,7 @@ def test_surface_through_the_corners_of_a_half_keeps_its_distance_over_a_hole():
     mesh = keep(cylinder(around=48), lambda c: ~((c[:, 0] > 0.02) & (np.abs(c[:, 2] - 0.05) < 0.01)))
     fit = fit_surface(mesh, TubeGrid(8, 16, Z_AXIS, 0.004), chords=True)
     assert fit.missing > 0
-    u, v = (x.ravel() for x in np.meshgrid(np.linspace(0, 1, 30), np.linspace(0, 1, 40)))
-    radii = np.hypot(*fit.surface.points(np.column_stack((u, v)))[:, :2].T)
+    radii = np.hypot(*fit.surface.points(UV)[:, :2].T)
     assert np.median(np.abs(radii - RADIUS)) < 1e-6
 
 
@@ -132,6 +127,5 @@ def test_small_noise_is_no_reason_to_keep_the_facets():
     noise = np.random.default_rng(0).normal(scale=1e-5, size=tube.vertices.shape)
     fit = fit_surface(weld(tube.vertices + noise, tube.faces), TubeGrid(8, 16, Z_AXIS, 0.004), chords=True)
     assert "chords-refused" not in {w.code for w in fit.warnings}
-    u, v = (x.ravel() for x in np.meshgrid(np.linspace(0, 1, 30), np.arange(40) / 40))
-    radii = np.hypot(*fit.surface.points(np.column_stack((u, v)))[:, :2].T)
+    radii = np.hypot(*fit.surface.points(UV)[:, :2].T)
     assert np.abs(radii - RADIUS).mean() < 5e-6

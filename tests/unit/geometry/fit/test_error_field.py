@@ -5,13 +5,26 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose
 
-from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import EmptySection
 from skin_calib_addon.geometry import AcrossGrid, TubeGrid, fit_surface
 from skin_calib_addon.geometry.fit.error_field import facet_gaps, vertex_normals
 from skin_calib_addon.geometry.mesh.defects import coherent
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, at_rims
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cylinder, dome, sheet, subdivided, welded, with_hole
+from tests.shapes import (
+    LENGTH,
+    RADIUS,
+    Z_AXIS,
+    cone,
+    cylinder,
+    dome,
+    revolved,
+    round_tube,
+    sheet,
+    subdivided,
+    swept,
+    welded,
+    with_hole,
+)
 
 GRID = TubeGrid(8, 16, Z_AXIS, 0.004, "uniform")
 UV = np.random.default_rng(0).uniform(0.02, 0.98, (4000, 2))
@@ -43,24 +56,6 @@ def test_vertex_normals_are_exact_on_a_sphere():
     assert_allclose(facet_gaps(cap, face, points)[inner], to_sphere[inner], rtol=0.01)
 
 
-def test_gaps_are_zero_on_flat_parts_and_at_sharp_edges():
-    """A prism with rounded corners has gaps over its corners only; a square tube has none."""
-    around = 32
-    angle = 2 * np.pi * np.arange(around) / around
-    flat = np.clip(1.6 * np.column_stack((np.cos(angle), np.sin(angle))), -1, 1) * 0.03
-
-    def point(a, height):
-        return np.column_stack((flat[np.rint(a / (2 * np.pi) * around).astype(int) % around], 0.1 * height))
-
-    prism = welded(tube_mesh(point, around, 9))
-    face = np.arange(len(prism.faces))
-    gaps = facet_gaps(prism, face, prism.triangles.mean(axis=1))
-    on_side = np.abs(np.abs(prism.face_normals[:, :2]).max(axis=1) - 1) < 1e-9
-    assert_allclose(gaps[on_side], 0, atol=1e-12)
-    square = welded(tube_mesh(lambda a, h: np.column_stack((np.cos(a), np.sin(a), h)) * 0.05, 4, 5))
-    assert_allclose(facet_gaps(square, np.arange(len(square.faces)), square.triangles.mean(axis=1)), 0, atol=1e-12)
-
-
 @pytest.mark.parametrize("steps", [4, 12], ids=lambda n: f"{n} facets")
 def test_flat_sides_between_fillets_do_not_bulge(steps):
     """A square tube with rounded corners, as CAD programs write it: two triangles for each side."""
@@ -70,12 +65,7 @@ def test_flat_sides_between_fillets_do_not_bulge(steps):
     section = np.concatenate(
         [corner @ ((np.cos(a), np.sin(a)), (-np.sin(a), np.cos(a))) for a in np.arange(4) * np.pi / 2]
     )
-    around = len(section)
-
-    def point(a, height):
-        return np.column_stack((section[np.rint(a / (2 * np.pi) * around).astype(int) % around], 0.1 * height))
-
-    mesh = welded(tube_mesh(point, around, 2))
+    mesh = swept(section)
     gaps = facet_gaps(mesh, np.arange(len(mesh.faces)), mesh.triangles.mean(axis=1))
     wide = np.ptp(mesh.triangles[..., :2], axis=1).max(axis=1) > 0.04
     assert wide.sum() == 8
@@ -106,13 +96,7 @@ def test_facets_of_a_tube_keep_their_gaps_next_to_a_fillet_across_it():
     """A cylinder of 16 sides, each of two triangles, ends in a fillet of 5 mm: only bends around it count."""
     bend = np.linspace(0, np.pi / 2, 7)[:-1]
     fillet = np.column_stack((RADIUS - 0.005 * (1 - np.cos(bend)), 0.1 + 0.005 * np.sin(bend)))
-    profile = np.concatenate((((RADIUS, 0.0),), fillet))
-
-    def point(a, height):
-        radius, z = profile[np.rint(height * (len(profile) - 1)).astype(int)].T
-        return np.column_stack((radius * np.cos(a), radius * np.sin(a), z))
-
-    mesh = welded(tube_mesh(point, 16, len(profile)))
+    mesh = revolved(np.concatenate((((RADIUS, 0.0),), fillet)), 16)
     side = np.flatnonzero(np.ptp(mesh.triangles[..., 2], axis=1) > 0.05)
     assert len(side) == 32
     middle = mesh.triangles[side].mean(axis=1)
@@ -127,13 +111,7 @@ def test_long_facets_between_fillets_do_not_bend_along_their_length(sides, flare
     """A cylinder whose sides are two long triangles each becomes narrower or wider in fillets at both ends."""
     bend = np.linspace(0, np.pi / 3, 7)
     fillet = np.column_stack((RADIUS + flare * 0.02 * (1 - np.cos(bend)), 0.15 + 0.02 * np.sin(bend)))
-    profile = np.concatenate((fillet[::-1] * (1, -1), fillet))
-
-    def point(a, height):
-        radius, z = profile[np.rint(height * (len(profile) - 1)).astype(int)].T
-        return np.column_stack((radius * np.cos(a), radius * np.sin(a), z))
-
-    mesh = welded(tube_mesh(point, sides, len(profile)))
+    mesh = revolved(np.concatenate((fillet[::-1] * (1, -1), fillet)), sides)
     side = np.flatnonzero(np.ptp(mesh.triangles[..., 2], axis=1) > 0.2)
     assert len(side) == 2 * sides
     middle = mesh.triangles[side].mean(axis=1)
@@ -146,12 +124,7 @@ def test_long_facets_between_fillets_do_not_bend_along_their_length(sides, flare
 def test_facets_next_to_a_right_angle_have_no_gap(sides):
     """A flange: wide rings of flat faces meet short and long facets of a cylinder at right angles."""
     profile = np.array(((0.02, 0.0), (RADIUS, 0.0), (RADIUS, 0.02), (0.06, 0.02), (0.06, 0.14), (0.02, 0.14)))
-
-    def point(a, height):
-        radius, z = profile[np.rint(height * (len(profile) - 1)).astype(int)].T
-        return np.column_stack((radius * np.cos(a), radius * np.sin(a), z))
-
-    mesh = welded(tube_mesh(point, sides, len(profile)))
+    mesh = revolved(profile, sides)
     face = np.arange(len(mesh.faces))
     assert_allclose(facet_gaps(mesh, face, mesh.triangles.mean(axis=1)), 0, atol=1e-12)
 
@@ -200,16 +173,13 @@ def test_facets_between_the_sites_of_a_scan_make_no_waves():
 def test_the_shape_that_the_net_cannot_follow_is_stated():
     """Twelve waves around a tube are too short for 16 lines; the stated height has the size of the error."""
 
-    def point(angle, height):
-        radius = RADIUS + 1e-4 * np.cos(12 * angle + 5 * height) * np.exp(-(((height - 0.4) / 0.3) ** 2))
-        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * height))
+    def waves(angle, height):
+        return RADIUS + 1e-4 * np.cos(12 * angle + 5 * height) * np.exp(-(((height - 0.4) / 0.3) ** 2))
 
-    fit = fit_surface(welded(tube_mesh(point, 240, 60)), GRID)
-    field = fit.error_field
+    field = fit_surface(round_tube(waves, 240, 60), GRID).error_field
     x, y, z = field.surface.points(UV).T
     height = z / LENGTH
-    truth = RADIUS + 1e-4 * np.cos(12 * np.arctan2(y, x) + 5 * height) * np.exp(-(((height - 0.4) / 0.3) ** 2))
-    error = np.hypot(x, y) - truth
+    error = np.hypot(x, y) - waves(np.arctan2(y, x), height)
     sigma = np.sqrt(field.at(UV)[0])
     assert rms(sigma) == pytest.approx(rms(error), rel=0.15)
     assert (np.abs(error) < 2 * sigma).mean() > 0.93
@@ -221,14 +191,9 @@ def test_slopes_of_the_error_are_stated_along_both_parameters():
     """As above, with planes so near to each other that sites are three times as far apart around the tube."""
 
     def waves(angle, height):
-        return 1e-4 * np.cos(12 * angle + 9 * height)
+        return RADIUS + 1e-4 * np.cos(12 * angle + 9 * height)
 
-    def point(angle, height):
-        radius = RADIUS + waves(angle, height)
-        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * height))
-
-    fit = fit_surface(welded(tube_mesh(point, 240, 60)), TubeGrid(30, 12, Z_AXIS, 0.004, "uniform"))
-    field = fit.error_field
+    field = fit_surface(round_tube(waves, 240, 60), TubeGrid(30, 12, Z_AXIS, 0.004, "uniform")).error_field
     stated = np.sqrt(field.at(UV)[1])
     for k, step in enumerate(1e-4 * np.eye(2)):  # along the axis, and around it
         before, after = (field.surface.points(UV + sign * step) for sign in (-0.5, 0.5))
@@ -242,12 +207,7 @@ def test_the_noise_of_a_scan_is_not_a_gap():
     ratios = []
     for seed in range(4):
         noise = np.random.default_rng(seed).normal(0, 2e-4, 90 * 40)
-
-        def point(angle, height, noise=noise):
-            radius = RADIUS + noise
-            return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * height))
-
-        fit = fit_surface(welded(tube_mesh(point, 90, 40)), GRID)
+        fit = fit_surface(round_tube(lambda *_, noise=noise: RADIUS + noise, 90, 40), GRID)
         field = fit.error_field
         ratios.append((rms(off(field.surface)), np.sqrt(field.at(UV)[0].mean())))
         assert rms(off(field.surface)) < 1.05 * rms(off(fit.surface))

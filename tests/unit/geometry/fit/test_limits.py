@@ -1,7 +1,4 @@
-"""Limits of fits and of their errors: a case just within is treated as one, a case just beyond as the other.
-
-The numbers are written out, so that a limit does not change unnoticed.
-"""
+"""Limits of fits and of their errors: a case just within is treated as one, a case just beyond as the other."""
 
 from types import SimpleNamespace
 

@@ -15,9 +15,10 @@ from skin_calib_addon.geometry import (
 )
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from skin_calib_addon.geometry.sampling.planes import Planes
-from tests.shapes import LENGTH, TURN, Z_AXIS, Motion, cone, cylinder, dome, keep, together
+from tests.shapes import LENGTH, TURN, Z_AXIS, Motion, cone, cylinder, dome, keep, together, u_planes, v_planes
 
 HALF = np.deg2rad(90.0)
+PLANES = PlanesGrid(u_planes(np.linspace(0, LENGTH, 6)), v_planes(10), True)  # from rim to rim
 
 
 def half_tube():
@@ -30,18 +31,6 @@ def single_precision(mesh):
     return weld(mesh.vertices.astype(np.float32), mesh.faces)
 
 
-def tube_planes(motion=None, tilt=0.0, length=LENGTH):
-    """Planes of a tube from rim to rim; the inner ones are tilted."""
-    motion = motion or Motion.none()
-    tilts = tilt * np.array((0, 1, -1, 1, -1, 0))
-    normals = np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts)))
-    points = np.linspace(0, length, 6)[:, None] * (0, 0, 1.0)
-    angle = np.arange(10) * np.pi / 10
-    across = np.column_stack((np.cos(angle), np.sin(angle), 0 * angle))
-    u = Planes(motion.points(points), motion.directions(normals))
-    return PlanesGrid(u, Planes(np.tile(motion.points((0, 0, 0)), (10, 1)), motion.directions(across)), True)
-
-
 def assert_is_complete(fit, error=2e-5):
     """Every sample ray hits the mesh, and the surface is on it up to its edges."""
     assert fit.missing == 0
@@ -49,8 +38,9 @@ def assert_is_complete(fit, error=2e-5):
     assert fit.errors.surface_to_mesh.max < error
 
 
-@pytest.mark.parametrize("turned", [None, 3])
-@pytest.mark.parametrize("mesh", [cylinder(), cone(0.03, 0.045), single_precision(cylinder())])
+@pytest.mark.parametrize(
+    ("mesh", "turned"), [(cylinder(), None), (cone(0.03, 0.045), 3), (single_precision(cylinder()), 3)]
+)
 def test_tube_without_margin_is_fitted_up_to_its_rims(mesh, turned):
     """The first and the last plane are on the rims; in the z direction, in any other, and in single precision."""
     motion = Motion.none() if turned is None else Motion(turned)
@@ -83,15 +73,14 @@ def test_planes_on_the_rims_of_cuts_pass(direction):
     cuts = Cut(tuple(low), tuple(normal)), Cut(tuple(high), tuple(-normal))
     mesh = cut_cover(cylinder(), CoverSpec(cuts=cuts))
     points = low + np.linspace(0, 1, 6)[:, None] * (high - low)
-    grid = tube_planes()
-    grid = PlanesGrid(Planes(points, np.tile(normal, (6, 1))), grid.v, True)
+    grid = PlanesGrid(Planes(points, np.tile(normal, (6, 1))), PLANES.v, True)
     assert_is_complete(fit_surface(mesh, grid), 4e-5)
 
 
 def test_rim_next_to_a_longer_part_is_found():
     """The rim of the cover is on the plane where a shaft inside goes on beyond it."""
     mesh = together(cylinder(), cylinder(radius=0.01, length=0.15, around=24))
-    fit = fit_surface(mesh, tube_planes())
+    fit = fit_surface(mesh, PLANES)
     assert fit.missing == 0
     radius = np.hypot(*fit.surface.points(np.column_stack((np.ones(20), np.arange(20) / 20)))[:, :2].T)
     assert abs(radius - 0.035).max() < 1e-4
@@ -103,7 +92,7 @@ def test_closed_ends_are_rims_too():
     ring = 0.035 * np.column_stack((np.cos(turn), np.sin(turn), 0 * turn))
     fan = np.column_stack((np.zeros(96, int), 1 + np.arange(96), 1 + (np.arange(96) + 1) % 96))
     lids = [weld(np.vstack(((0, 0, 0), ring)) + (0, 0, z), fan[:, :: (1 if z else -1)]) for z in (0, LENGTH)]
-    fit = fit_surface(together(tube, *lids), tube_planes())
+    fit = fit_surface(together(tube, *lids), PLANES)
     assert fit.missing == 0
     radius = np.hypot(*fit.surface.points(np.column_stack((np.ones(20), np.arange(20) / 20)))[:, :2].T)
     assert abs(radius - 0.035).max() < 1e-4

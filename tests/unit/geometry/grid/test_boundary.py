@@ -15,10 +15,9 @@ from skin_calib_addon.geometry.fit.fitting import fit_lines
 from skin_calib_addon.geometry.grid.axis import Axis
 from skin_calib_addon.geometry.grid.boundary import Boundary
 from skin_calib_addon.geometry.grid.grids import Across, Grid, Sector, Size, Tolerance, Tube
-from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from skin_calib_addon.geometry.sampling.off_cover import off_cover
 from skin_calib_addon.geometry.surface.distance import surface_samples
-from tests.shapes import cylinder
+from tests.shapes import cylinder, keep, quads, sheet, together, with_hole
 
 RADIUS, HEIGHT = 0.05, 0.2
 TURN = np.linspace(0, 2 * np.pi, 24, endpoint=False)
@@ -111,12 +110,7 @@ def test_loops_may_go_round_the_tube():
 
 def with_box():
     """A flat plate with a box on it that hides a quarter of it."""
-    x, y = np.meshgrid(np.linspace(0, 0.1, 21), np.linspace(0, 0.06, 13), indexing="ij")
-    height = np.where((x > 0.06) & (y > 0.03), 0.02, 0.0)
-    k = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = k[:-1, :-1].ravel(), k[1:, :-1].ravel(), k[1:, 1:].ravel(), k[:-1, 1:].ravel()
-    points = np.column_stack((x.ravel(), y.ravel(), height.ravel()))
-    return weld(points, np.concatenate((np.column_stack((a, b, c)), np.column_stack((a, c, d)))))
+    return sheet(lambda x, y: np.where((x > 0.06) & (y > 0.03), 0.02, 0.0), (0.1, 0.06), (20, 12))
 
 
 CORNERS = ((0.01, 0.005), (0.09, 0.005), (0.09, 0.02), (0.05, 0.02), (0.05, 0.055), (0.01, 0.055))
@@ -137,10 +131,7 @@ def test_what_is_outside_does_not_pull_the_surface(size):
 
 def test_holes_inside_the_boundary_are_holes():
     """Rays that miss the mesh inside count as missing, those outside do not."""
-    open_tube = cylinder(RADIUS, HEIGHT, 96, 30)
-    centres = open_tube.triangles.mean(axis=1)
-    hole = np.hypot(centres[:, 1], centres[:, 2] - 0.1) < 0.01
-    mesh = weld(open_tube.vertices, open_tube.faces[~(hole & (centres[:, 0] > 0))])
+    mesh = keep(TUBE, lambda c: (np.hypot(c[:, 1], c[:, 2] - 0.1) > 0.01) | (c[:, 0] < 0))
     fit = fit_surface(mesh, Grid(Sector(AXIS, None, (DISC,), start=-1, stop=1), Size(6, 8), "uniform"))
     assert 0.05 < fit.missing < 0.2 and "missing-samples" in [w.code for w in fit.warnings]
     points = fit.surface.points(UV)
@@ -157,17 +148,9 @@ def test_boundary_off_the_mesh_is_refused():
 
 def over_floor(radius=0.004):
     """A plate with a hole, 20 mm above a floor."""
-    x, y = np.meshgrid(np.linspace(0, 0.1, 51), np.linspace(0, 0.06, 31), indexing="ij")
-    k = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = k[:-1, :-1].ravel(), k[1:, :-1].ravel(), k[1:, 1:].ravel(), k[:-1, 1:].ravel()
-    points, faces = np.column_stack((x.ravel(), y.ravel(), 0 * x.ravel())), np.column_stack((a, b, c, a, c, d))
-    faces = faces.reshape(-1, 3)
-    centres = points[faces].mean(axis=1)
-    faces = faces[np.hypot(centres[:, 0] - 0.05, centres[:, 1] - 0.03) > radius]
-    floor = np.array(((0, 0), (0.1, 0), (0.1, 0.06), (0, 0.06)))
-    n = len(points)
-    points = np.vstack((points, np.column_stack((floor, np.full(4, -0.02)))))
-    return weld(points, np.vstack((faces, ((n, n + 1, n + 2), (n, n + 2, n + 3)))))
+    size = (0.1, 0.06)
+    plate = with_hole(sheet(lambda x, y: 0 * x, size, (50, 30)), (0.05, 0.03, 0.0), radius)
+    return together(plate, sheet(lambda x, y: 0 * x - 0.02, size, (1, 1)))
 
 
 LOOP = ((0.01, 0.01, 0.0), (0.09, 0.01, 0.0), (0.09, 0.05, 0.0), (0.01, 0.05, 0.0))
@@ -206,14 +189,10 @@ def test_parts_below_are_not_the_cover(height, breadth, counts):
     """A strip at another height, with vertical sides; only small and deep ones count as missed."""
     x = np.linspace(0, 0.1, 101)
     z = np.where(np.abs(x - 0.05) < breadth / 2, height, 0.0)
-    points = np.stack([np.column_stack((x, np.full(101, y), z)) for y in (0, 0.06)])
     step = np.flatnonzero(np.diff(z))
     x[step[0] + 1] = x[step[0]]  # vertical
     x[step[1]] = x[step[1] + 1]
-    points[:, :, 0] = x
-    k = np.arange(202).reshape(2, 101)
-    a, b, c, d = k[0, :-1], k[0, 1:], k[1, 1:], k[1, :-1]
-    mesh = weld(points.reshape(-1, 3), np.concatenate((np.column_stack((a, b, c)), np.column_stack((a, c, d)))))
+    mesh = quads(np.stack([np.column_stack((x, np.full(101, y), z)) for y in (0, 0.06)], axis=1))
     fit = fit_grid(
         mesh, Grid(Across(normal=(0, 0, 1), boundary=(LOOP,)), Size(8, 12), "uniform"), (3, 3), max_deviation=0.1
     )
@@ -227,10 +206,7 @@ def test_parts_below_are_not_the_cover(height, breadth, counts):
 )
 def test_what_is_in_front_of_a_rim_is_not_the_cover(depth, missed):
     """A plate that hides the sites at one side of the boundary from the rays, in a row or several."""
-    quad = np.array(((0, 0, 0.03), (0.1, 0, 0.03), (0.1, depth, 0.03), (0, depth, 0.03)))
-    plate = over_floor(0.0)
-    n = len(plate.vertices)
-    mesh = weld(np.vstack((plate.vertices, quad)), np.vstack((plate.faces, ((n, n + 1, n + 2), (n, n + 2, n + 3)))))
+    mesh = together(over_floor(0.0), sheet(lambda x, y: 0 * x + 0.03, (0.1, depth), (1, 1)))
     grid = Grid(Across(normal=(0, 0, 1), boundary=(LOOP,)), Size(8, 8), "uniform")
     fit = fit_lines(mesh, grid.line_grid(mesh), (3, 3))
     off = np.abs(fit.surface.points(UV)[fit.is_trusted(UV), 2]).max()
@@ -304,13 +280,10 @@ def test_shelves_below_a_bounded_surface_are_no_undercut():
     )
     y = np.linspace(0, 0.06, 13)
     points = np.stack([np.column_stack((outline[:, 0], np.full(8, k), outline[:, 1])) for k in y])
-    k = np.arange(points.shape[0] * 8).reshape(-1, 8)
-    a, b, c, d = k[:-1].ravel(), np.roll(k, -1, axis=1)[:-1].ravel(), np.roll(k, -1, axis=1)[1:].ravel(), k[1:].ravel()
-    mesh = weld(points.reshape(-1, 3), np.concatenate((np.column_stack((a, b, c)), np.column_stack((a, c, d)))))
-    loop = ((0.01, 0.01, 0.0), (0.09, 0.01, 0.0), (0.09, 0.05, 0.0), (0.01, 0.05, 0.0))
+    mesh = quads(np.swapaxes(points, 0, 1), closed=(True, False))
     bounded, whole = (
         fit_grid(mesh, Grid(Across(normal=(0, 0, 1), margin=0.005, boundary=loops), Size(8, 8)), (3, 3))
-        for loops in ((loop,), ())
+        for loops in ((LOOP,), ())
     )
     assert bounded.warnings == () and bounded.errors.hausdorff < 1e-9
     assert [w.code for w in whole.warnings] == ["dropped-curves"]

@@ -28,11 +28,9 @@ def bent(angle, around=120, along=80):
     return welded(tube_mesh(point, around, along))
 
 
-@pytest.mark.parametrize("degrees", [90, 120])
-def test_planes_follow_a_bent_tube(degrees):
-    """Nearly its whole length is covered, the planes stand across the arc, and the surface is as good as on a straight
-    tube; a straight axis would slant the planes at the ends by half of the bend."""
-    angle = np.deg2rad(degrees)
+def test_planes_follow_a_bent_tube():
+    """Nearly its whole length is covered, across the arc; the surface is as good as on a straight tube."""
+    angle = np.deg2rad(120)
     fit = fit_surface(bent(angle), TubeGrid(16, 32))
     points, normals = fit.lines.planes_u.points, fit.lines.planes_u.normals
     assert 0.9 * BEND * angle < np.linalg.norm(np.diff(points, axis=0), axis=1).sum() < BEND * angle

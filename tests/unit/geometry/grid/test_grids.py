@@ -22,24 +22,25 @@ from skin_calib_addon.geometry import (
     weld,
 )
 from skin_calib_addon.geometry.sampling.frames import link_direction
-from skin_calib_addon.geometry.surface.bspline import clamped_knots, greville
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, box, cone, cylinder, dome, keep, sheet, wrist
+from tests.examples import examples
+from tests.shapes import (
+    LENGTH,
+    Z_AXIS,
+    Motion,
+    box,
+    cone,
+    cylinder,
+    dome,
+    even_spans,
+    keep,
+    sheet,
+    u_planes,
+    v_planes,
+    wrist,
+)
 
 seeds = st.integers(0, 2**32 - 1)
 SPAN = (0.02, 0.08)
-
-
-def u_planes(stations, tilts=0.0):
-    """Planes across z, tilted about the y axis."""
-    stations, tilts = np.broadcast_arrays(np.asarray(stations, float), tilts)
-    normals = np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts)))
-    return Planes(stations[:, None] * (0, 0, 1.0), normals)
-
-
-def v_planes(count, first=0.0):
-    """Full planes through z, at even angles."""
-    angle = first + np.arange(count) * np.pi / count
-    return Planes(np.zeros((count, 3)), np.column_stack((-np.sin(angle), np.cos(angle), 0 * angle)))
 
 
 def author_planes(count=8, lines=8, tilts=0.0):
@@ -121,19 +122,7 @@ def test_moved_lines_keep_their_axis_and_their_fractions(mesh, grid):
     assert expected[0] - lines.s[0] > 0.15 * np.ptp(lines.s) and abs(expected[1] - lines.s[-1]) < 1e-3
 
 
-@pytest.mark.parametrize(("mesh", "grid"), GRIDS)
-def test_lines_start_inside_and_meet_the_mesh(mesh, grid):
-    """The control points of a fit lie beyond the origins: no line goes inward."""
-    fit = fit_surface(mesh, grid)
-    n, m = fit.lines.origins.shape[:2]
-    limit = [((net - fit.lines.origins) * fit.lines.directions).sum(axis=2).min() for net in rolls(fit.surface, m)]
-    assert max(limit) > 0
-    outward = fit.surface.normals(np.random.default_rng(0).uniform(0.01, 0.99, (50, 2)))
-    points = fit.surface.points(np.random.default_rng(0).uniform(0.01, 0.99, (50, 2)))
-    nearest = np.argmin(np.linalg.norm(points[:, None] - mesh.triangles.mean(axis=1), axis=2), axis=1)
-    assert ((outward * mesh.face_normals[nearest]).sum(axis=1) > 0.5).all()
-
-
+@examples(15)
 @given(n=st.integers(4, 12), lines=st.integers(4, 30), turn=st.integers(0, 2**32 - 1))
 def test_tube_lines_leave_the_axis_square(n, lines, turn):
     """Origins on the author's axis between the margins, directions at right angles to it, all angles different."""
@@ -151,6 +140,7 @@ def test_tube_lines_leave_the_axis_square(n, lines, turn):
     assert grid.closed and len(grid.v_names) == lines
 
 
+@examples(15)
 @given(start=st.floats(-3, 3), width=st.floats(0.5, 6))
 def test_sector_runs_between_its_angles(start, width):
     """Angles from the side of the link's x axis; the first line of the grid is the last of the sector, clockwise."""
@@ -179,11 +169,6 @@ def test_sector_without_angle_is_refused(start, stop):
         SectorGrid(5, 8, start, stop, Z_AXIS).line_grid(cylinder())
 
 
-def even_spans(start, stop, count):
-    """Positions of the control points of a cubic with even spans: those next to an end are nearer to it."""
-    return np.interp(greville(clamped_knots(count, 3), 3), (0, 1), (start, stop))
-
-
 def test_across_lies_over_the_face_that_looks_along_the_normal():
     """Lines along the normal, between the margins of the seen face, u along its longer side."""
     block = box((0, 0, 0), (0.1, 0.25, 0.05))
@@ -196,6 +181,7 @@ def test_across_lies_over_the_face_that_looks_along_the_normal():
     assert_allclose(turned.origins[:, 0, 0], even_spans(0.01, 0.09, 6), rtol=1e-12)
 
 
+@examples(10)
 @given(seed=seeds)
 @pytest.mark.parametrize("size", [(0.1, 0.1), (0.104, 0.1)])
 @pytest.mark.parametrize("cut", [0.005, 0.02])
@@ -218,12 +204,6 @@ def test_across_is_along_the_link_frame_on_a_round_face(turn):
     grid = AcrossGrid(6, 4, (0, 0, 1)).line_grid(weld(np.vstack((np.zeros(3), rim)), faces))
     along = grid.origins[-1, 0] - grid.origins[0, 0]
     assert_allclose(along / np.linalg.norm(along), link_direction(np.array((0, 0, 1.0))), rtol=0, atol=1e-6)
-
-
-def test_across_takes_a_hundredth_where_no_margin_is_given():
-    """Of the longer side, at all four sides."""
-    grid = AcrossGrid(6, 4, (0, 0, 1.0)).line_grid(box((0, 0, 0), (0.1, 0.25, 0.05)))
-    assert_allclose((grid.origins[..., 0].min(), grid.origins[..., 1].min()), 0.0025, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -278,18 +258,6 @@ def test_author_planes_may_be_named_by_any_of_their_points(seed):
     )
     surface, again = (fit_surface(cone(around=24, along=12), g).surface for g in (grid, other))
     assert min(np.abs(net - rolls(surface, 16)[0]).max() for net in rolls(again, 16)) < 1e-9
-
-
-def test_author_planes_may_have_a_common_hinge():
-    """u-planes that all pass through one line outside of the tube, each named by the same point: an elbow."""
-    tilts = np.deg2rad(np.linspace(-20, 20, 8))
-    hinge = np.tile((-0.15, 0, 0.05), (8, 1))
-    u = Planes(hinge, np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts)))[::-1])
-    fit = fit_surface(cylinder(length=0.2), PlanesGrid(Planes(hinge + (0, 0, 0.05), u.normals), v_planes(10), True))
-    uv = np.random.default_rng(1).uniform(0, 1, (200, 2))
-    points, normals = fit.surface.points(uv), fit.surface.normals(uv)
-    assert ((normals * points)[:, :2].sum(axis=1) > 0.99 * RADIUS).all()
-    assert np.abs(np.linalg.norm(points[:, :2], axis=1) - RADIUS).max() < 1e-4
 
 
 @given(seed=seeds, down=st.booleans())
@@ -349,15 +317,6 @@ def test_open_planes_that_do_not_follow_each_other_are_refused(side, order):
     planes[side] = Planes(planes[side].points[order], planes[side].normals)
     with pytest.raises(InvalidPlan, match=f"{side}-plane 2 .* {side}-plane 1"):
         PlanesGrid(**planes, closed=False).line_grid(dome())
-
-
-def test_half_tube_takes_a_sector():
-    """A sector within a half tube needs no complete sections."""
-    half = keep(cylinder(), lambda c: c[:, 0] > 0)
-    fit = fit_surface(half, SectorGrid(6, 9, -1.3, 1.3, Z_AXIS))
-    assert fit.missing == 0
-    radius = np.linalg.norm(fit.surface.points(np.random.default_rng(2).uniform(0, 1, (200, 2)))[:, :2], axis=1)
-    assert RADIUS * np.cos(np.pi / 96) - 5e-6 < radius.min() and radius.max() < RADIUS + 5e-6
 
 
 def test_grid_with_a_tolerance_has_no_lines_of_its_own():

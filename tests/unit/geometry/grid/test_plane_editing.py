@@ -11,8 +11,7 @@ from skin_calib_addon.common.errors import EmptySection, InvalidPlan
 from skin_calib_addon.geometry import AcrossGrid, CoverSpec, Cut, Planes, PlanesGrid, SectorGrid, TubeGrid, cut_cover
 from skin_calib_addon.geometry.grid.axis import axis_through
 from skin_calib_addon.geometry.grid.plane_editing import between, mirrored, planes_of, spread, through
-from tests.shapes import Z_AXIS, Motion, cone, cylinder, sheet, wrist
-from tests.unit.geometry.grid.test_grids import u_planes, v_planes
+from tests.shapes import Z_AXIS, Motion, cone, cylinder, sheet, u_planes, v_planes, wrist
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -118,10 +118,7 @@ def test_seen_keeps_what_is_outside_of_all_shells():
 
 
 def test_seen_is_decided_before_the_cuts():
-    """A cut opens the view on the inner box, which stays hidden.
-
-    For a box that is cut, "outer" gives the same.
-    """
+    """A cut opens the view on the inner box, which stays hidden, as with "outer"."""
     mesh = together(box((-0.04, -0.04, 0), (0.04, 0.04, 0.1)), INNER)
     cuts = (Cut((0, 0, 0.05), (0, 0, -1)),)
     cover = cut_cover(mesh, CoverSpec("seen", cuts))

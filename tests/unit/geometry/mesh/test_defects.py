@@ -6,7 +6,7 @@ import pytest
 from skin_calib_addon.common.warnings import Warning
 from skin_calib_addon.geometry.mesh.defects import diagnose, edges_at
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
-from tests.shapes import RADIUS, Motion, box, cylinder, dome, keep, sheet, shuffled, together, with_hole, wrist
+from tests.shapes import RADIUS, Motion, box, cylinder, dome, keep, sheet, shuffled, together, turned, with_hole, wrist
 
 BLOCK = box((0, 0, 0), (0.1, 0.05, 0.025))
 INNER = box((-0.01, -0.01, 0.03), (0.01, 0.01, 0.07))
@@ -16,11 +16,6 @@ NEAR = box((0.05, -0.01, 0.03), (0.06, 0.01, 0.07))
 def seen(mesh):
     """The diagnosis of a mesh that is welded already."""
     return diagnose(mesh.vertices, mesh.faces)
-
-
-def turned(mesh, chosen):
-    """A mesh with some faces turned over."""
-    return weld(mesh.vertices, np.where(chosen[:, None], mesh.faces[:, ::-1], mesh.faces))
 
 
 def findings(found):

@@ -13,12 +13,7 @@ from skin_calib_addon.geometry.mesh.visibility import (
     sample_faces,
     visibility,
 )
-from tests.shapes import box, cylinder, same_mesh, sheet, shuffled, subdivided, together, welded, wrist
-
-
-def turned(mesh, chosen):
-    """The mesh with some faces wound in reverse."""
-    return weld(mesh.vertices, np.where(np.asarray(chosen)[:, None], mesh.faces[:, ::-1], mesh.faces))
+from tests.shapes import box, cylinder, same_mesh, sheet, shuffled, subdivided, together, turned, welded, wrist
 
 
 def outward(mesh):

@@ -84,10 +84,7 @@ def test_fan_may_start_anywhere(seed, shift):
 
 @given(seed=seeds, width=st.sampled_from((0.0, 1e-300, 1e-17, 1e-14, 1e-12, 1e-10, 1e-7)))
 def test_closed_section_is_met_by_every_ray(seed, width):
-    """Rays exactly through the corners of a closed polygon hit it, also where the cut left a segment of no length.
-
-    A plane through a vertex of the mesh, or next to it, cuts such segments.
-    """
+    """Rays exactly through the corners of a closed polygon hit it, also where the cut left a segment of no length."""
     corners = polygon(seed)
     split = np.repeat(corners, 2, axis=0)
     split[1::2] += width * (np.roll(corners, -1, axis=0) - corners)

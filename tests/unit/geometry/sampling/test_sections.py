@@ -4,7 +4,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -13,7 +13,7 @@ from skin_calib_addon.geometry.sampling import samples as samples_module
 from skin_calib_addon.geometry.sampling import sections as sections_module
 from skin_calib_addon.geometry.sampling.planes import Planes, perpendicular
 from skin_calib_addon.geometry.sampling.samples import framed_sections, known_sections
-from skin_calib_addon.geometry.sampling.sections import _faces_near, cut_sections
+from skin_calib_addon.geometry.sampling.sections import cut_sections
 from tests.oracles import cut_triangle, rim_in_plane
 from tests.shapes import LENGTH, Motion, box, cylinder, wrist
 
@@ -70,21 +70,6 @@ def test_tilted_sections_are_those_of_one_face_at_a_time(mesh, seed):
     rng = np.random.default_rng(seed)
     planes = Planes(rng.uniform(0, 1, (4, 3)), rng.normal(size=(4, 3)))
     assert_is_the_oracle(cut_sections(mesh, planes), mesh, planes)
-
-
-@given(heights=st.lists(st.floats(0.001, 0.099), min_size=2, max_size=6), seed=seeds)
-def test_sections_do_not_depend_on_the_path(heights, seed):
-    """Parallel planes cut alone and in the company of a tilted one give the same segments."""
-    motion = Motion(seed)
-    mesh = motion.mesh(cylinder(around=24, along=7))
-    direction = motion.directions(UP)
-    planes = Planes(motion.points(np.outer(heights, UP)), np.tile(direction, (len(heights), 1)))
-    clear = np.abs((mesh.vertices - motion.shift) @ direction - np.array(heights)[:, None]).min()
-    assume(clear > 1e-9)  # so that rounding puts no vertex on the other side
-    alone, company = cut_sections(mesh, planes), cut_sections(mesh, tilted_too(planes))
-    with_us = company.plane < len(planes)
-    assert (alone.plane == company.plane[with_us]).all() and (alone.face == company.face[with_us]).all()
-    assert_allclose(alone.ends, company.ends[with_us], rtol=0, atol=1e-12)
 
 
 @given(seed=seeds)
@@ -166,21 +151,6 @@ def test_segments_have_the_face_normal_on_their_right(planes):
         assert ((right * mesh.face_normals[sections.face]).sum(axis=1)[long] > 0).all()
 
 
-def test_segments_lie_in_their_plane_and_face():
-    """Every end is on its plane and within the box of its face, on an irregular mesh."""
-    mesh = wrist()
-    planes = tilted_too(level(np.linspace(0.01, 0.09, 7)))
-    sections = cut_sections(mesh, planes)
-    assert sections.planes == 8 and (np.diff(sections.plane) >= 0).all()
-    offsets = ((sections.ends - planes.points[sections.plane][:, None]) * planes.normals[sections.plane][:, None]).sum(
-        2
-    )
-    assert np.abs(offsets).max() < 1e-15
-    corners = mesh.triangles[sections.face]
-    assert (sections.ends >= corners.min(axis=1)[:, None] - 1e-15).all()
-    assert (sections.ends <= corners.max(axis=1)[:, None] + 1e-15).all()
-
-
 def test_sections_of_nothing_are_empty():
     """Planes that all miss the mesh give no segments, and are still counted."""
     for planes in (level([-1.0, 2.0]), tilted_too(level([-1.0, 2.0]))):
@@ -219,18 +189,6 @@ def test_faces_near_the_planes_give_the_same_sections(mesh, seed):
                     assert (cut_sections(mesh, planes).ends == expected.ends).all()
             assert (found.plane == expected.plane).all() and (found.face == expected.face).all()
             assert_allclose(found.ends, expected.ends, atol=0 if planes.are_parallel() else 1e-12)
-
-
-def test_sections_of_a_large_mesh_compare_only_faces_near_the_planes():
-    """Of the faces of a cylinder, few are near three planes, also where one is tilted."""
-    mesh = cylinder(along=200)
-    planes = level((0.02, 0.05, 0.08))
-    tilted = Planes(planes.points, planes.normals + ((0, 0, 0), (0.02, 0, 0), (0, 0, 0)))
-    with mock.patch.object(sections_module, "MIN_SORTED_FACES", 0):
-        for family in (planes, tilted):
-            near = [_faces_near(mesh, family, 1e-8, family.are_parallel()) for _ in range(2)][1]
-            assert near is not None and len(near) < len(mesh.faces) / 10
-            assert np.isin(cut_sections(mesh, family).face, near).all()
 
 
 def test_known_sections_are_those_of_all_planes():

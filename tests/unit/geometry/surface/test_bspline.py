@@ -62,16 +62,6 @@ def test_basis_is_that_of_scipy(spline, seed):
         assert_allclose(dense, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
-@given(degree=degrees, n=st.integers(1, 12), seed=seeds)
-def test_periodic_basis_is_one_function_shifted(degree, n, seed):
-    """Each function of a closed direction is its neighbour, one knot further."""
-    n = n + degree
-    knots = periodic_knots(n, degree)
-    u = np.random.default_rng(seed).uniform(0, 1 - 1 / n, 5)
-    here, there = basis_functions(u, knots, degree), basis_functions(u + 1 / n, knots, degree)
-    assert_allclose(there[:, 1:], here[:, :-1], rtol=0, atol=1e-12)
-
-
 @given(degree=degrees, extra=st.integers(0, 8))
 def test_greville_abscissae_make_the_identity(degree, extra):
     """Control points at the abscissae give a spline that is its own parameter; periodic ones too."""
@@ -123,10 +113,7 @@ def test_derivatives_are_slopes(make):
 
 @given(seed=seeds, degree=degrees)
 def test_seam_is_exact(seed, degree):
-    """At the seam of a closed surface the left and right limits of the point and its derivatives agree.
-
-    Point and normal to the rounding, derivatives below the degree to that of their size: the net repeats to the bit.
-    """
+    """The left and right limits of point, normal, and derivatives below the degree agree to the rounding."""
     closed = closed_surface(seed, (3, degree), m=degree + 4)
     cut = BSplineSurface(closed.control_net, closed.knots_u, closed.knots_v, closed.degree)  # v = 1 is not v = 0 here
     u = np.linspace(0, 1, 9)

@@ -13,7 +13,6 @@ from skin_calib_addon.geometry import (
     SectorGrid,
     TubeGrid,
     fit_surface,
-    weld,
 )
 from skin_calib_addon.geometry.surface.centre import length_fractions, surface_centre
 from skin_calib_addon.geometry.surface.footpoints import footpoints
@@ -25,6 +24,8 @@ from tests.shapes import (
     Motion,
     cone_surface,
     plane_surface,
+    round_tube,
+    unevenly_divided,
     welded,
     with_hole,
     wrist,
@@ -47,45 +48,23 @@ def bent():
     return welded(shapes.tube_mesh(point, 90, 61))
 
 
-@cache
 def sole():
     """The sample of the underside of a foot."""
     return welded(shapes.sole())
 
 
-def tube(n, lines, spacing):
-    """Planes and lines round a limb."""
-    return TubeGrid(n, lines, margin=0.002, spacing=spacing)
+CASES = {  # a mesh, and a grid from numbers of planes and lines and their spacing
+    "tube": (wrist, lambda n, m, spacing: TubeGrid(n, m, margin=0.002, spacing=spacing)),
+    "bent": (bent, lambda n, m, spacing: TubeGrid(n, m, spacing=spacing)),
+    "sector": (wrist, lambda n, m, spacing: SectorGrid(n, m, -1.0, 2.0, margin=0.002, spacing=spacing)),
+    "sole": (sole, lambda n, m, spacing: AcrossGrid(n, m, (0.0, 0.0, -1.0), margin=0.02, spacing=spacing)),
+}
 
 
-def bent_tube(n, lines, spacing):
-    """Planes across a curve."""
-    return TubeGrid(n, lines, spacing=spacing)
-
-
-def sector(n, lines, spacing):
-    """Planes and lines of a sector."""
-    return SectorGrid(n, lines, -1.0, 2.0, margin=0.002, spacing=spacing)
-
-
-def across(n, lines, spacing):
-    """Planes in both directions across a sole."""
-    return AcrossGrid(n, lines, (0.0, 0.0, -1.0), margin=0.02, spacing=spacing)
-
-
-@pytest.mark.parametrize(
-    ("mesh", "grid"),
-    [
-        pytest.param(wrist, tube, id="tube"),
-        pytest.param(bent, bent_tube, id="bent"),
-        pytest.param(wrist, sector, id="sector"),
-        pytest.param(sole, across, id="sole"),
-    ],
-)
-def test_middle_stays_where_it_is_when_planes_and_lines_move(mesh, grid):
-    """Along the surface within a hundredth of a millimetre, while the middle of the parameters moves ten times as far
-    and more. Along the normal, the distance of the middle from the mesh is that of its surface, whose coarse nets are
-    up to a tenth of a millimetre off."""
+@pytest.mark.parametrize("case", CASES)
+def test_middle_stays_where_it_is_when_planes_and_lines_move(case):
+    """Along the surface within a hundredth of a millimetre; the middle of the parameters moves ten times as far."""
+    mesh, grid = CASES[case]
     surfaces = [fit_surface(mesh(), grid(*net)).surface for net in NETS]
     fine = surfaces[-1]
     normal = fine.normals(surface_centre(fine))[0]
@@ -117,47 +96,21 @@ def test_middle_is_next_to_the_point_of_the_mesh():
 
 def test_middle_over_a_hole_is_between_its_rims():
     """A cylinder has a hole of 5 mm half a turn from a ridge: its middle is near the cylinder, at half length."""
-
-    def point(angle, height):
-        radius = 0.03 + 0.004 * np.exp(6 * (np.cos(angle) - 1))
-        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), 0.1 * height))
-
-    opened = with_hole(welded(shapes.tube_mesh(point, 180, 61)), (-0.03, 0, 0.05), 0.005)
+    ridged = round_tube(lambda a, _: 0.03 + 0.004 * np.exp(6 * (np.cos(a) - 1)), 180, 61)
+    opened = with_hole(ridged, (-0.03, 0, 0.05), 0.005)
     for spacing in ("uniform", "auto"):
         surface = fit_surface(opened, TubeGrid(10, 30, Z_AXIS, 0.01, spacing)).surface
         assert_allclose(surface.points(surface_centre(surface))[0], (-0.03, 0, 0.05), rtol=0, atol=4e-4)
 
 
-def test_middle_of_a_tube_is_opposite_angle_zero_at_half_of_its_length():
-    """The ray of a fit: from the axis, halfway between the first and the last plane, away from the ridge."""
-
-    def point(angle, height):
-        radius = 0.03 + 0.004 * np.exp(6 * (np.cos(angle - 1.0) - 1))
-        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), 0.1 * height**2))
-
-    surface = fit_surface(welded(shapes.tube_mesh(point, 180, 31)), TubeGrid(10, 30, Z_AXIS, 0.01)).surface
-    expected = (-0.03 * np.cos(1.0), -0.03 * np.sin(1.0), 0.05)
-    assert_allclose(surface.points(surface_centre(surface))[0], expected, rtol=0, atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("mesh", "grid"), [(wrist, tube), (bent, bent_tube), (sole, across)], ids=["tube", "bent", "sole"]
-)
-def test_middle_depends_on_the_shape_only(mesh, grid):
+@pytest.mark.parametrize("case", ["tube", "bent", "sole"])
+def test_middle_depends_on_the_shape_only(case):
     """Faces that are divided in one half of the mesh, and another net: within a hundredth and five of a millimetre."""
+    mesh, grid = CASES[case]
     whole = mesh()
-    chosen = whole.triangles.mean(axis=1)[:, 0] > np.median(whole.vertices[:, 0])
-    a, b, c = whole.faces[chosen].T
-    new = len(whole.vertices) + np.arange(len(a))
-    parts = [np.column_stack(part) for part in ((a, b, new), (b, c, new), (c, a, new))]
-    points = np.concatenate((whole.vertices, whole.triangles[chosen].mean(axis=1)))
-    divided = weld(points, np.concatenate((whole.faces[~chosen], *parts)))
-    here, again, fine = (
-        surface.points(surface_centre(surface))[0]
-        for surface in (
-            fit_surface(m, grid(n, 2 * n, "auto")).surface for m, n in ((whole, 10), (divided, 10), (whole, 20))
-        )
-    )
+    nets = (whole, 10), (unevenly_divided(whole), 10), (whole, 20)
+    surfaces = [fit_surface(m, grid(n, 2 * n, "auto")).surface for m, n in nets]
+    here, again, fine = (surface.points(surface_centre(surface))[0] for surface in surfaces)
     assert np.linalg.norm(again - here) < 1e-6
     assert np.linalg.norm(fine - here) < 5e-5
 
@@ -175,16 +128,13 @@ def test_middle_of_a_stretched_net_is_that_of_its_lengths():
 def test_middle_moves_with_the_mesh():
     """Turned and shifted: the same place on the link."""
     motion = Motion(3, 1.0)
-    here, there = (fit_surface(mesh, tube(8, 16, "auto")).surface for mesh in (wrist(), motion.mesh(wrist())))
+    here, there = (fit_surface(mesh, TubeGrid(8, 16, margin=0.002)).surface for mesh in (wrist(), motion.mesh(wrist())))
     moved = motion.points(here.points(surface_centre(here)))
     assert_allclose(there.points(surface_centre(there)), moved, atol=1e-8)
 
 
 def test_fractions_are_those_of_lengths_measured_along_the_line():
-    """On a wrist, along and round it; beyond an edge the line goes on.
-
-    Chords on both sides of a point shorten their arcs by different fractions: on a full turn, by a hundredth of a
-    millimetre."""
+    """On a wrist, along and round it; beyond an edge the line goes on."""
     surface = wrist_surface()
     fine = np.linspace(0, 1, 20001)
     for axis in (0, 1):
@@ -204,7 +154,7 @@ def test_fractions_are_those_of_lengths_measured_along_the_line():
 @pytest.mark.parametrize("direction", [(0, 1, 0), (0.3, 1, 0.2)])
 def test_middle_of_a_centred_sheet_is_the_centre(direction):
     """The middle node of an even and of an odd sheet, to a tenth of a micrometre, for any direction of the rows."""
-    surface = fit_surface(wrist(), tube(7, 14, "auto")).surface
+    surface = fit_surface(wrist(), TubeGrid(7, 14, margin=0.002)).surface
     for shape in ((5, 18), (4, 9)):
         uv = wrap_sheet(surface, SheetLattice(*shape, (0.01, 0.01)), None, direction).uv[shape]
         assert_allclose(surface.points(uv)[0], surface.points(surface_centre(surface))[0], rtol=0, atol=1e-7)

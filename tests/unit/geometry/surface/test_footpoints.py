@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial import cKDTree
 
-from skin_calib_addon.geometry import TubeGrid, fit_surface, weld
+from skin_calib_addon.geometry import TubeGrid, fit_surface
 from skin_calib_addon.geometry.fit.fitting import fit_lines
 from skin_calib_addon.geometry.surface.footpoints import _second_derivatives, descend, footpoints
-from tests.shapes import Z_AXIS, cylinder, plane_surface, wrist_surface
+from tests.shapes import Z_AXIS, cylinder, plane_surface, swept, wrist_surface
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -52,12 +52,7 @@ def square_tube(radius=0.001, half=0.03, height=0.08, steps=6, rings=11):
         ]
     )
     sides = np.concatenate([np.linspace(a, b, 8)[:-1] for a, b in zip(section, np.roll(section, -1, axis=0))])
-    z = np.repeat(np.linspace(0, height, rings), len(sides))
-    around = np.arange(len(sides))
-    low, next_ = ((np.arange(rings - 1)[:, None] * len(sides) + k).ravel() for k in (around, np.roll(around, -1)))
-    up = len(sides)
-    faces = np.concatenate((np.column_stack((low, next_, next_ + up)), np.column_stack((low, next_ + up, low + up))))
-    return weld(np.column_stack((np.tile(sides, (rings, 1)), z)), faces)
+    return swept(sides, rings, height)
 
 
 def check_against_brute_force(surface, points, per_span=24):
