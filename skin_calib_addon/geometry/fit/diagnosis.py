@@ -159,10 +159,9 @@ def fit_warnings(
 ) -> Iterator[Warning]:
     """Yield the warnings that an author should check before trusting a fit."""
     yield from lines.warnings
-    missed, what = samples.missed, "mesh"
-    if samples.outside is not None:  # single rays miss at the rim; next to hits the surface is no extrapolation
-        what = "cover inside the boundary"
-        missed &= ~ndimage.binary_dilation(~np.isnan(samples.residuals))
+    missed, what = samples.holes, "mesh"
+    if samples.outside is not None:  # single rays pass small holes; next to hits the surface is no extrapolation
+        missed, what = missed & ~ndimage.binary_dilation(~np.isnan(samples.residuals)), "cover inside the boundary"
     if missed.any():
         around = missed.mean(axis=1)[:, None] + missed.mean(axis=0)
         at = largest_at(np.where(missed, around, -1.0))

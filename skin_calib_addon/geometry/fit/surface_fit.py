@@ -206,20 +206,12 @@ class SurfaceFit:
         return trusted
 
     def is_measured(self, uv: Array) -> BoolArray:
-        """Return at which parameters (m, 2) errors count, shape (m,): where the surface is trusted, near a hit.
-
-        At a boundary some of the sites around are outside, and a hit can be farther away than hits are from each other:
-        in a tip of the boundary, and at its ends, where sites are sparse. There the surface is extrapolated.
-        """
-        counts = self.is_trusted(uv)
+        """Return at which parameters (m, 2) errors count, shape (m,): inside the boundary, but not over holes."""
+        uv = np.asarray(uv, float).reshape(-1, 2)
+        counts = is_sampled(self.surface, uv, ~self.samples.holes)
         if self.lines.region is not None:
-            near = self._hits.query(self.surface.points(uv[counts]), distance_upper_bound=np.sqrt(2) * self._step)[0]
-            counts[counts] = np.isfinite(near)
+            counts[counts] = self.lines.region(self.surface.points(uv[counts]))
         return counts
-
-    @cached_property
-    def _hits(self) -> cKDTree:
-        return cKDTree(self.points[~np.isnan(self.residuals)])
 
     @cached_property
     def condition(self) -> float:

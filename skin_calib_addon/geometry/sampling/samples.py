@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
+from scipy import ndimage
 
 from ...common.arrays import Array, BoolArray, IntArray, tangential, unit
 from ..mesh.triangle_mesh import TriangleMesh
@@ -50,6 +51,11 @@ class RaySamples:
         """Return which rays inside the boundary do not hit the mesh, or not the cover, shape (k, l)."""
         missed = np.isnan(self.residuals)
         return missed if self.outside is None else missed & ~self.outside
+
+    @cached_property
+    def holes(self) -> BoolArray:
+        """Return which rays pass through holes of the mesh, shape (k, l): next to a boundary they only miss its rim."""
+        return self.missed if self.outside is None else self.missed & ~ndimage.binary_dilation(self.outside)
 
     @property
     def missing(self) -> float:

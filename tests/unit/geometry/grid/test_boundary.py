@@ -15,6 +15,7 @@ from skin_calib_addon.geometry.fit.fitting import fit_lines
 from skin_calib_addon.geometry.grid.axis import Axis
 from skin_calib_addon.geometry.grid.boundary import Boundary
 from skin_calib_addon.geometry.grid.grids import Across, Grid, Sector, Size, Tolerance, Tube
+from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.sampling.off_cover import off_cover
 from skin_calib_addon.geometry.surface.distance import surface_samples
 from tests.shapes import cylinder, keep, quads, sheet, together, with_hole
@@ -56,18 +57,23 @@ def test_mean_of_a_search_is_that_of_the_report():
     assert fit.mean_to_mesh == pytest.approx(fit.to_mesh.mean, rel=1e-12)
 
 
-def test_errors_are_measured_near_hits():
-    """In a tip of the boundary at the end of the planes, the surface is extrapolated: it does not count as an error."""
-    tip = ((0.01, 0.01, 0.0), (0.07, 0.01, 0.0), (0.09, 0.012, 0.0), (0.07, 0.05, 0.0), (0.01, 0.05, 0.0))
-    fit = fit_grid(over_floor(0.0), Grid(Across(normal=(0, 0, 1), boundary=(tip,)), Size(6, 6), "uniform"), (3, 3))
-    trusted, measured = fit.is_trusted(UV), fit.is_measured(UV)
-    hits = fit.points[~np.isnan(fit.residuals)]
-    away = cKDTree(hits).query(fit.surface.points(UV))[0]
-    steps = [np.nanmedian(np.linalg.norm(np.diff(fit.points, axis=axis), axis=2)) for axis in (0, 1)]
-    limit = np.sqrt(2) * max(steps)
-    assert (measured == trusted & (away < limit)).all() and 10 < (trusted & ~measured).sum() < 0.1 * trusted.sum()
-    found = fit.deviations
-    assert (np.isnan(found) == ~fit.is_measured(surface_samples(fit.surface)[0])).all()
+def test_errors_are_those_of_all_that_is_inside():
+    """Also in a tip of the boundary, where the surface is extrapolated and no ray is near; but not over a hole."""
+    mesh = sheet(lambda x, y: 0.004 * np.sin(60 * x), cells=(80, 40))
+    tip = tuple((x, y, 0.0) for x, y in ((0.01, 0.01), (0.07, 0.01), (0.098, 0.012), (0.07, 0.05), (0.01, 0.05)))
+    grid = Grid(Across(normal=(0, 0, 1), boundary=(tip,)), Size(6, 6), "uniform")
+    fit = fit_grid(mesh, grid, (3, 3))
+    inside = UV[fit.lines.region(fit.surface.points(UV))]
+    r = fit.surface.derivatives(inside)
+    distances, areas = closest(mesh, r[0, 0])[0], np.linalg.norm(np.cross(r[1, 0], r[0, 1]), axis=1)
+    away = cKDTree(fit.points[~np.isnan(fit.residuals)]).query(r[0, 0])[0]
+    assert away[np.argmax(distances)] > 0.004  # the samples are 2 mm apart
+    assert_allclose(fit.to_mesh.mean, np.average(distances, weights=areas), rtol=0.02)
+    assert distances.max() <= fit.to_mesh.max < 1.05 * distances.max()
+    assert (np.isnan(fit.deviations) == ~fit.is_measured(surface_samples(fit.surface)[0])).all()
+    holed = fit_grid(with_hole(mesh, (0.04, 0.03, 0), 0.008), grid, (3, 3))
+    over_hole = np.hypot(*(holed.surface.points(UV)[:, :2] - (0.04, 0.03)).T) < 0.006
+    assert holed.to_mesh.max < 0.001 and not holed.is_measured(UV)[over_hole].any()
 
 
 def test_points_level_with_a_corner_are_decided():
