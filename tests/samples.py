@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from skin_calib_addon.calibration import LinkCalibration, MeshSource, Patch, Response, SurfaceModel, TaxelArray
+from skin_calib_addon.calibration import LinkCalibration, MeshSource, Patch, Response, SurfaceModel, TaxelArray, Trusted
 from skin_calib_addon.common.surface_errors import DistanceStatistics, SurfaceErrors
 
 RADIUS, BOARD_PITCH = 0.035, 0.02775  # [m]
@@ -34,10 +34,12 @@ def cylinder():
 
 
 def plane():
-    """Return the square from (0, 0, -0.1) to (0.1, 0.1, -0.1) m, with an upward normal."""
+    """Return the square from (0, 0, -0.1) to (0.1, 0.1, -0.1) m, with an upward normal, a boundary and a hole."""
     net = 0.1 * np.array([[[0, 0, -1], [0, 1, -1]], [[1, 0, -1], [1, 1, -1]]])
     knots = np.array([0, 0, 1, 1.0])
-    return SurfaceModel("plane", (1, 1), knots, knots, net, (False, False), ERRORS, {"x_material": "PLA"})
+    loop = np.array(((0.0, 0.0), (1.0, 0.0), (1.0, 0.8), (0.0, 1.0)))
+    trusted = Trusted((loop,), np.array(((1, 1, 1), (1, 0, 1)), bool))
+    return SurfaceModel("plane", (1, 1), knots, knots, net, (False, False), ERRORS, {"x_material": "PLA"}, trusted)
 
 
 def sheet(rows, columns, pitch):

@@ -18,7 +18,7 @@ from ..common.warnings import from_document as warnings_from
 from ..common.warnings import to_document as warnings_document
 from .migration import migrated
 from .modality import modality_document, modality_from
-from .model import LinkCalibration, MeshSource, Patch, Registration, SurfaceModel, TaxelArray
+from .model import LinkCalibration, MeshSource, Patch, Registration, SurfaceModel, TaxelArray, Trusted
 from .parts import STORED_ROUNDING
 from .response import response_document, response_from
 from .validate import CALIBRATION_VERSION, FORMAT, SCHEMA, validate, validate_content
@@ -171,6 +171,7 @@ def _surface_document(surface: SurfaceModel) -> Document:
             "surface_to_mesh": _numbers(surface.errors.surface_to_mesh, _DISTANCES),
             "hausdorff": float(surface.errors.hausdorff),
         },
+        "trusted": _trusted_document(surface.trusted),
         **_free(surface.extra),
     }
 
@@ -186,8 +187,24 @@ def _surface(document: Document) -> SurfaceModel:
         control_net=np.array(document["control_net"], float),
         closed=_pair(document["closed"], bool),
         errors=SurfaceErrors(there, back, float(errors["hausdorff"])),
+        trusted=_trusted(document["trusted"]),
         extra=_extra(document),
     )
+
+
+def _trusted_document(trusted: Trusted | None) -> Document | None:
+    if trusted is None:
+        return None
+    rows = ["".join(row) for row in np.where(trusted.sites, "1", "0").tolist()]
+    return {"boundary": [_floats(loop) for loop in trusted.boundary], "sites": rows}
+
+
+def _trusted(document: Document | None) -> Trusted | None:
+    if document is None:
+        return None
+    rows = [[site == "1" for site in row] for row in document["sites"]]
+    sites = np.array(rows, bool) if rows else np.zeros((0, 0), bool)
+    return Trusted(tuple(np.array(loop, float) for loop in document["boundary"]), sites)
 
 
 def _patch_document(patch: Patch) -> Document:

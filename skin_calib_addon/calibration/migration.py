@@ -27,10 +27,16 @@ def _to_version_2(document: Document) -> Document:
     return {**document, "version": 2, "warnings": []}
 
 
+def _to_version_3(document: Document) -> Document:
+    """Add that it is not known where surfaces follow their mesh: version 2 did not store it."""
+    return {**document, "version": 3, "surfaces": [{**surface, "trusted": None} for surface in document["surfaces"]]}
+
+
 # Keys are the older versions, each with its schema, which never changes. The folder tests/golden/versions contains a
 # file of each released version.
 STEPS: dict[int, Step] = {
     1: Step(read_schema(Path(__file__).with_name("schema_1.json")), _to_version_2),
+    2: Step(read_schema(Path(__file__).with_name("schema_2.json")), _to_version_3),
 }
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..common.arrays import Array, IntArray, cross, freeze
+from ..common.arrays import Array, BoolArray, IntArray, cross, freeze
 from ..common.surface_errors import SurfaceErrors
 from ..common.warnings import Warning
 from .modality import Modality
@@ -28,6 +28,17 @@ class MeshSource:
 
 
 @dataclass(frozen=True, eq=False)
+class Trusted:
+    """Where a surface follows its mesh; elsewhere it is a guess."""
+
+    # Loops of parameters (k, 2): points inside an odd number of them are inside the boundary; without loops all are.
+    boundary: tuple[Array, ...] = ()
+    # (k, l) whether the mesh was met at sites even in u and v, or they are outside the boundary; empty: at all. In a
+    # closed direction the last site is one step before the first.
+    sites: BoolArray = field(default_factory=lambda: np.zeros((0, 0), bool))
+
+
+@dataclass(frozen=True, eq=False)
 class SurfaceModel:
     """A tensor-product B-spline in the link frame.
 
@@ -43,6 +54,7 @@ class SurfaceModel:
     closed: tuple[bool, bool]
     errors: SurfaceErrors
     extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, unchanged
+    trusted: Trusted | None = None  # None: not known
 
     def __post_init__(self):
         n_u, n_v = (len(k) - d - 1 for k, d in zip((self.knots_u, self.knots_v), self.degree))

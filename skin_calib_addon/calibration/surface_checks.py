@@ -90,5 +90,20 @@ def _errors_are_in_metres(surface: Part, net: Array, errors: dict[str, Any]) -> 
         yield error("units", surface.at("errors", "hausdorff"), message, errors["hausdorff"])
 
 
+@needs("trusted")
+def _trusted_is_in_domain(surface: Part, trusted: dict[str, Any] | None) -> Iterator[Finding]:
+    """Check that the corners of the boundary are parameters of the surface, and that the sites are a rectangle."""
+    for index, loop in enumerate(trusted["boundary"] if trusted else ()):
+        outside = np.flatnonzero((np.abs(np.array(loop, float) - 0.5) > 0.5).any(axis=1))
+        if len(outside):
+            at = int(outside[0])
+            yield error(
+                "value", surface.at("trusted", "boundary", index, at), "is outside of [0, 1] x [0, 1]", loop[at]
+            )
+    rows = trusted["sites"] if trusted else []
+    if len({len(row) for row in rows}) > 1:
+        yield error("length", surface.at("trusted", "sites"), "has rows of different lengths")
+
+
 SHAPE_CHECKS = (_net_is_rectangular,)
-CHECKS = (_knots_fit, _closed_is_closed, _net_is_in_metres, _errors_agree, _errors_are_in_metres)
+CHECKS = (_knots_fit, _closed_is_closed, _net_is_in_metres, _errors_agree, _errors_are_in_metres, _trusted_is_in_domain)

@@ -18,7 +18,7 @@ from .response_checks import responses_are_monotone, responses_exist
 Findings = tuple[Finding, ...]
 
 FORMAT = "skin-calibration"
-CALIBRATION_VERSION = 2  # Format: version of calibration files
+CALIBRATION_VERSION = 3  # Format: version of calibration files
 # Description of each file format of this program, and advice if it is used in place of another.
 FILE_FORMATS = {
     FORMAT: "a calibration. Use the plan from which it was made.",

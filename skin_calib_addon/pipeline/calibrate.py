@@ -10,15 +10,17 @@ import numpy as np
 
 from .. import __version__
 from ..calibration.modality import Modality
-from ..calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
+from ..calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel, Trusted
 from ..common.errors import PoorFit, SkinCalibError, listed
 from ..common.warnings import Warning, worst_first
 from ..geometry.blas_threads import one_blas_thread
 from ..geometry.fit.auto import fit_grid
 from ..geometry.fit.surface_fit import SurfaceFit
+from ..geometry.grid.grids import Grid
 from ..geometry.mesh.cover import CoverSpec, cut_cover
 from ..geometry.mesh.triangle_mesh import TriangleMesh, joined
 from ..geometry.surface.bspline import BSplineSurface
+from ..geometry.surface.footpoints import footpoints
 from ..plan import Plan
 from ..plan.checks import naming_surface
 from ..plan.plan import Surface
@@ -151,7 +153,7 @@ def calibrate(
         placed = place_all(plan, fits)
         patches = tuple(done.patch for done in placed)
     with stage("errors"):
-        surfaces = tuple(surface_model(name, fit) for name, fit in fits.items())
+        surfaces = tuple(surface_model(surface, fits[surface.name]) for surface in plan.surfaces)
     source = MeshSource(plan.mesh.name, mesh.sha256, len(mesh.vertices), len(mesh.faces))
     calibration = LinkCalibration(
         plan.link,
@@ -231,10 +233,19 @@ def _over_holes(patch: Patch, fit: SurfaceFit) -> Iterator[Warning]:
         yield cells_warning("over-hole", patch, over, message, float(len(over)), "Close the hole, or move the skin.")
 
 
-def surface_model(name: str, fit: SurfaceFit) -> SurfaceModel:
-    """Convert a fitted surface to the record of a calibration."""
-    s = fit.surface
-    return SurfaceModel(name, s.degree, s.knots_u, s.knots_v, s.control_net, s.closed, fit.errors)
+def surface_model(surface: Surface, fit: SurfaceFit) -> SurfaceModel:
+    """Convert a fitted surface of a plan to the record of a calibration."""
+    s, where = fit.surface, trusted_of(surface, fit)
+    shape = s.degree, s.knots_u, s.knots_v, s.control_net, s.closed
+    return SurfaceModel(surface.name, *shape, fit.errors, trusted=where)
+
+
+def trusted_of(surface: Surface, fit: SurfaceFit) -> Trusted:
+    """Return where a fitted surface follows its mesh: the loops of its boundary, and the sites that met the mesh."""
+    loops = surface.grid.region.boundary if isinstance(surface.grid, Grid) else ()
+    boundary = tuple(np.clip(footpoints(fit.surface, np.array(loop))[0], 0, 1) for loop in loops)
+    missed = fit.samples.missed
+    return Trusted(boundary, ~missed) if missed.any() else Trusted(boundary)
 
 
 def surface_of(model: SurfaceModel) -> BSplineSurface:

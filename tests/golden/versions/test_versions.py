@@ -18,6 +18,7 @@ HERE = Path(__file__).parent
 FILES = {  # by version, the SHA-256 of its file
     1: "5c574a156d36e537c1868582c25eeb4acf6e85e17f86999e16db6127f348249b",
     2: "cf50b134e9c8f9b5422c23a8c55b06921a4f3328afa0b5688b76164f940d9de7",
+    3: "6f9c5c09fcc7d48e615a8935eff09e6a49d21b4bed7002aedcdfb2ecea78935c",
 }
 FITTED = {  # files of older versions that the program of then fitted to samples
     "1.sheet": "aaf3827a8102660a3bb3d7fcbe86b4ffa0fab1624bc1551f519251a698e34c88",
@@ -46,6 +47,9 @@ def numbers(calibration):
                 "words": _json(surface.extra),
             }.items()
         }
+        if surface.trusted is not None:
+            found |= {f"{surface.name} boundary {i}": loop for i, loop in enumerate(surface.trusted.boundary)}
+            found[f"{surface.name} sites"] = surface.trusted.sites
     for patch in calibration.patches:
         t = patch.taxels
         found |= {
@@ -123,6 +127,7 @@ def test_fitted_file_of_an_older_version_is_read(tmp_path, name):
     save_calibration(calibration, tmp_path / "c.json")
     old, new = (json.loads(file.read_bytes()) for file in (path, tmp_path / "c.json"))
     assert new.pop("warnings") == [] and old.pop("checksum") != new.pop("checksum")
+    assert [surface.pop("trusted") for surface in new["surfaces"]] == [None] * len(old["surfaces"])
     assert (old.pop("version"), new.pop("version")) == (1, CALIBRATION_VERSION) and old == new
 
 
@@ -142,6 +147,7 @@ def test_file_of_our_version_has_everything():
     assert {p["kind"] for p in patches} == set(parts["patch"]["properties"]["kind"]["enum"])
     assert {name for p in patches for name in p if name[:2] != "x_"} == set(parts["patch"]["properties"])
     assert {name for p in patches for name in p["taxels"]} == set(parts["taxels"]["properties"])
+    assert [bool(s["trusted"] and s["trusted"]["sites"]) for s in document["surfaces"]].count(True) == 1
     responses = [document["response"], *document["responses"]]
     assert {(r["kind"], "range" in r) for r in responses} == {
         ("polynomial", True),

@@ -44,7 +44,7 @@ def test_document_keeps_its_order_and_names():
         *("warnings", "x_note", "checksum"),
     ]
     assert list(document["surfaces"][1]) == [
-        *("name", "degree", "knots", "control_net", "closed", "errors", "x_material"),
+        *("name", "degree", "knots", "control_net", "closed", "errors", "trusted", "x_material"),
     ]
     assert list(document["patches"][1]) == ["name", "kind", "surface", "shape", "pitch", "taxels", "x_ports"]
     assert list(document["patches"][1]["taxels"]) == [

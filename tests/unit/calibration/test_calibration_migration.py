@@ -31,9 +31,26 @@ def older(monkeypatch):
     """Define two fictitious older versions with links ``part`` and ``body``, and return a file of the oldest."""
     monkeypatch.setitem(STEPS, -1, renamed(-1, "part", "body"))
     monkeypatch.setitem(STEPS, 0, renamed(0, "body", "link"))
-    document = copy.deepcopy(OURS) | {"version": -1, "part": OURS["link"]}
-    del document["link"], document["checksum"], document["warnings"]
+    document = of_version_1() | {"version": -1, "part": OURS["link"]}
+    del document["link"]
     return document
+
+
+def of_version_1():
+    """The document as the program wrote it first."""
+    document = copy.deepcopy(OURS) | {"version": 1}
+    del document["checksum"], document["warnings"]
+    for surface in document["surfaces"]:
+        del surface["trusted"]
+    return document
+
+
+def of_unknown_trust():
+    """The document as an older one becomes it: it is not known where its surfaces follow their mesh."""
+    document = copy.deepcopy(OURS)
+    for surface in document["surfaces"]:
+        surface["trusted"] = None
+    return document | {"checksum": checksum(document)}
 
 
 def summed(document):
@@ -43,8 +60,8 @@ def summed(document):
 def test_older_file_is_migrated(older):
     """Through all versions in between, to a document of the current version with checksum."""
     document, findings = check_bytes(summed(older))
-    assert findings == () and document["version"] == CALIBRATION_VERSION and document["checksum"] == OURS["checksum"]
-    assert encode(to_document(from_document(document))) == encode(OURS)
+    assert findings == () and document == of_unknown_trust()
+    assert encode(to_document(from_document(document))) == encode(of_unknown_trust())
 
 
 def test_older_file_is_validated_by_its_own_version(older):
@@ -68,23 +85,21 @@ def test_unknown_version_is_a_finding(older, version):
     assert "/version" in {finding.pointer for finding in findings}
 
 
-def test_version_1_gets_an_empty_list_of_warnings():
-    """It did not store them; its other members are those of version 2."""
-    document = copy.deepcopy(OURS) | {"version": 1}
-    del document["warnings"], document["checksum"]
-    found, findings = check_bytes(summed(document))
-    assert findings == () and found == OURS
+def test_versions_1_and_2_get_what_they_did_not_store():
+    """Version 1 an empty list of warnings, both that it is not known where surfaces follow their mesh."""
+    first = of_version_1()
+    for document in (first, first | {"version": 2, "warnings": []}):
+        found, findings = check_bytes(summed(document))
+        assert findings == () and found == of_unknown_trust()
 
 
 @pytest.mark.parametrize(
     ("pointer", "member"),
-    [("", "warnings"), ("/patches/0", "registration"), ("/patches/0/taxels", "sigma")],
+    [("", "warnings"), ("/patches/0", "registration"), ("/patches/0/taxels", "sigma"), ("/surfaces/0", "trusted")],
 )
-def test_version_1_has_no_member_of_version_2(pointer, member):
+def test_version_1_has_no_member_of_later_ones(pointer, member):
     """A file that states version 1 is validated by the schema of version 1."""
-    document = copy.deepcopy(OURS) | {"version": 1}
-    del document["warnings"]
-    parent = document
+    parent = document = of_version_1()
     for key in pointer.split("/")[1:]:
         parent = parent[int(key) if isinstance(parent, list) else key]
     parent[member] = []

@@ -75,9 +75,9 @@ STORED |= {"advice": "Cut."}
 MOUNTED = {"origin": 0.001, "direction": 0.0175, "anchor": [0.035, 0.0, 0.005]}
 FORM = [  # errors by the schema: pointer to change, new value, code, words of the message, where below it
     ("/format", "skin-plan", "value", 'must be "skin-calibration", not "skin-plan"'),
-    ("/version", 3, "version", "newer than version 2 of this program; update"),
-    ("/version", 0, "value", "must be 2, not 0"),
-    ("/version", True, "value", "must be 2, not true"),
+    ("/version", 4, "version", "newer than version 3 of this program; update"),
+    ("/version", 0, "value", "must be 3, not 0"),
+    ("/version", True, "value", "must be 3, not true"),
     ("/warnings", ..., "missing", 'lacks the member "warnings"'),
     ("/warnings", {}, "type", "must be an array"),
     ("/warnings", [None], "type", "must be an object, not null", "/0"),
@@ -110,6 +110,9 @@ FORM = [  # errors by the schema: pointer to change, new value, code, words of t
     ("/surfaces/0/control_net/1/2/0", "1.5", "type", 'a finite number, not "1.5"'),
     ("/surfaces/0/control_net/1/2", [0, 0], "length", "must have 3 elements, not 2"),
     ("/surfaces/0/control_net", [], "length", "must have at least 1 elements, not 0"),
+    ("/surfaces/1/trusted/boundary/0", [[0, 0], [1, 0]], "length", "must have at least 3 elements, not 2"),
+    ("/surfaces/1/trusted/sites/0", "1 1", "pattern", "must match"),
+    ("/surfaces/1/trusted/sites", ..., "missing", 'lacks the member "sites"'),
     ("/patches/0/kind", "sheets", "value", 'did you mean "sheet"?'),
     ("/patches/0/pitch/0", 0, "range", "must be more than 0, not 0"),
     (f"{T0}/normal", ..., "missing", 'lacks the member "normal"'),
