@@ -38,7 +38,7 @@ def plane():
     net = 0.1 * np.array([[[0, 0, -1], [0, 1, -1]], [[1, 0, -1], [1, 1, -1]]])
     knots = np.array([0, 0, 1, 1.0])
     loop = np.array(((0.0, 0.0), (1.0, 0.0), (1.0, 0.8), (0.0, 1.0)))
-    trusted = Trusted((loop,), np.array(((1, 1, 1), (1, 0, 1)), bool))
+    trusted = Trusted((loop,), ("111", "10-"))
     return SurfaceModel("plane", (1, 1), knots, knots, net, (False, False), ERRORS, {"x_material": "PLA"}, trusted)
 
 

@@ -195,16 +195,13 @@ def _surface(document: Document) -> SurfaceModel:
 def _trusted_document(trusted: Trusted | None) -> Document | None:
     if trusted is None:
         return None
-    rows = ["".join(row) for row in np.where(trusted.sites, "1", "0").tolist()]
-    return {"boundary": [_floats(loop) for loop in trusted.boundary], "sites": rows}
+    return {"boundary": [_floats(loop) for loop in trusted.boundary], "sites": list(trusted.sites)}
 
 
 def _trusted(document: Document | None) -> Trusted | None:
     if document is None:
         return None
-    rows = [[site == "1" for site in row] for row in document["sites"]]
-    sites = np.array(rows, bool) if rows else np.zeros((0, 0), bool)
-    return Trusted(tuple(np.array(loop, float) for loop in document["boundary"]), sites)
+    return Trusted(tuple(np.array(loop, float) for loop in document["boundary"]), tuple(document["sites"]))
 
 
 def _patch_document(patch: Patch) -> Document:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, IntArray, cross, freeze
+from ..common.arrays import Array, IntArray, cross, freeze
 from ..common.surface_errors import SurfaceErrors
 from ..common.warnings import Warning
 from .modality import Modality
@@ -29,13 +29,17 @@ class MeshSource:
 
 @dataclass(frozen=True, eq=False)
 class Trusted:
-    """Where a surface follows its mesh; elsewhere it is a guess."""
+    """Where a surface follows its mesh; elsewhere it is a guess.
+
+    A point is trusted if it is inside the boundary, one of the (up to four) sites around it met the mesh, and none of
+    them missed it.
+    """
 
     # Loops of parameters (k, 2): points inside an odd number of them are inside the boundary; without loops all are.
     boundary: tuple[Array, ...] = ()
-    # (k, l) whether the mesh was met at sites even in u and v, or they are outside the boundary; empty: at all. In a
-    # closed direction the last site is one step before the first.
-    sites: BoolArray = field(default_factory=lambda: np.zeros((0, 0), bool))
+    # A text for each u of sites even in u and v, with a letter for each v: 1 met the mesh, 0 missed it, - is outside
+    # the boundary. In a closed direction the last site is one step before the first. Empty: all met it.
+    sites: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -235,17 +235,18 @@ def _over_holes(patch: Patch, fit: SurfaceFit) -> Iterator[Warning]:
 
 def surface_model(surface: Surface, fit: SurfaceFit) -> SurfaceModel:
     """Convert a fitted surface of a plan to the record of a calibration."""
-    s, where = fit.surface, trusted_of(surface, fit)
+    s, trusted = fit.surface, trusted_of(surface, fit)
     shape = s.degree, s.knots_u, s.knots_v, s.control_net, s.closed
-    return SurfaceModel(surface.name, *shape, fit.errors, trusted=where)
+    return SurfaceModel(surface.name, *shape, fit.errors, trusted=trusted)
 
 
 def trusted_of(surface: Surface, fit: SurfaceFit) -> Trusted:
-    """Return where a fitted surface follows its mesh: the loops of its boundary, and the sites that met the mesh."""
+    """Return where a fitted surface follows its mesh: as `SurfaceFit.is_trusted`, with straight edges in (u, v)."""
     loops = surface.grid.region.boundary if isinstance(surface.grid, Grid) else ()
     boundary = tuple(np.clip(footpoints(fit.surface, np.array(loop))[0], 0, 1) for loop in loops)
-    missed = fit.samples.missed
-    return Trusted(boundary, ~missed) if missed.any() else Trusted(boundary)
+    met = ~np.isnan(fit.residuals)
+    letters = np.where(met, "1", np.where(fit.samples.missed, "0", "-"))
+    return Trusted(boundary, () if met.all() else tuple("".join(row) for row in letters.tolist()))
 
 
 def surface_of(model: SurfaceModel) -> BSplineSurface:

@@ -74,7 +74,7 @@ def check_plan(document: Any) -> tuple[Finding, ...]:
     known = next((known for known in PLANS if is_same(version, known)), 1)
     findings = check_part(document, f"version_{known}")
     checks = (responses_are_monotone, modalities_are_distinct, frames_are_rotations)
-    return (*findings, *(finding for check_part in checks for finding in check_part(document, findings)))
+    return (*findings, *(finding for more in checks for finding in more(document, findings)))
 
 
 def check_plan_wholly(document: Any) -> tuple[Finding, ...]:

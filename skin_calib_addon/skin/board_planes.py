@@ -78,7 +78,7 @@ def _found(positions: Array) -> list[IntArray]:
         normals = unit(np.cross(arms[a], arms[b]))
         within = np.abs(arms @ normals.T) <= FLAT_TOLERANCE
         within[:, ~normals.any(axis=1)] = False
-        within = within[:, np.sort(np.unique(within, axis=1, return_index=True)[1])]  # planes with the same taxels
+        within = within[:, np.sort(np.unique(within, axis=1, return_index=True)[1])]  # of equal ones the first
         for column in np.argsort(-within.sum(axis=0), kind="stable"):
             if within[:, column].sum() < MIN_FOUND_TAXELS:
                 break

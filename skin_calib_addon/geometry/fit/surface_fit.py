@@ -199,19 +199,19 @@ class SurfaceFit:
 
         Elsewhere the surface spans a hole.
         """
-        uv = np.asarray(uv, float).reshape(-1, 2)
-        trusted = is_sampled(self.surface, uv, ~np.isnan(self.residuals), self.samples.outside)
-        if self.lines.region is not None:
-            trusted[trusted] = self.lines.region(self.surface.points(uv[trusted]))
-        return trusted
+        return self._are_inside(uv, ~np.isnan(self.residuals), self.samples.outside)
 
     def is_measured(self, uv: Array) -> BoolArray:
         """Return at which parameters (m, 2) errors count, shape (m,): inside the boundary, but not over holes."""
+        return self._are_inside(uv, ~self.samples.holes)
+
+    def _are_inside(self, uv: Array, known: BoolArray, outside: BoolArray | None = None) -> BoolArray:
+        """Return whether parameters (m, 2) are among known sites (k, l), as for ``is_sampled``, inside the boundary."""
         uv = np.asarray(uv, float).reshape(-1, 2)
-        counts = is_sampled(self.surface, uv, ~self.samples.holes)
+        inside = is_sampled(self.surface, uv, known, outside)
         if self.lines.region is not None:
-            counts[counts] = self.lines.region(self.surface.points(uv[counts]))
-        return counts
+            inside[inside] = self.lines.region(self.surface.points(uv[inside]))
+        return inside
 
     @cached_property
     def condition(self) -> float:

@@ -174,31 +174,44 @@ def test_boundary_is_kept_and_holds_for_skins():
 
 
 @pytest.mark.slow
+def trusted(model, uv):
+    """Return what a reader of the file alone says of parameters (m, 2), as the page of the format describes it."""
+    inside, sites = np.zeros(len(uv), bool), np.array([list(row) for row in model.trusted.sites])
+    for loop in model.trusted.boundary:
+        for (u1, v1), (u2, v2) in zip(loop, np.roll(loop, -1, axis=0)):
+            a, b = ((v - uv[:, 1] + 0.5) % 1 - 0.5 if model.closed[1] else v - uv[:, 1] for v in (v1, v2))
+            crosses = ((a <= 0) != (b <= 0)) & (np.abs(b - a) < 0.5 if model.closed[1] else True)
+            inside ^= crosses & (u1 - (u2 - u1) * a / np.where(b == a, 1, b - a) > uv[:, 0])
+    (k, l), ends = sites.shape, (np.floor, np.ceil)
+    row, column = uv[:, 0] * (k - 1), uv[:, 1] * (l if model.closed[1] else l - 1)
+    around = np.array([sites[f(row).astype(int), g(column).astype(int) % l] for f in ends for g in ends])
+    return inside & (around == "1").any(axis=0) & (around != "0").all(axis=0)
+
+
 def test_calibration_says_where_surfaces_follow_the_mesh():
-    """A reader of the file alone: a disc without a hole in it, and a ring around the tube with a hole."""
+    """A disc and a sliver that no ray meets, and a ring around the tube with a hole."""
     hole = np.linalg.norm(MESH.triangles.mean(axis=1) - (0, RADIUS, 0.1), axis=1) < 0.012
     mesh, turn = TriangleMesh(MESH.vertices, MESH.faces[~hole]), np.linspace(0, 2 * np.pi, 24, endpoint=False)
     ring = [[[RADIUS * np.cos(a), RADIUS * np.sin(a), z + 0.01 * np.sin(2 * a)] for a in turn] for z in (0.06, 0.14)]
-    grids = SECTOR | {"boundary": [disc(24)], "from": -1.2, "to": 1.2}, SECTOR | {"kind": "tube", "boundary": ring}
+    sliver = [
+        [RADIUS * np.cos(a), RADIUS * np.sin(a), z] for z, a in ((0.14, 0), (0.1403, 0), (0.1403, 0.2), (0.14, 0.2))
+    ]
+    grids = (
+        SECTOR | {"boundary": [disc(24), sliver], "from": -1.2, "to": 1.2},
+        SECTOR | {"kind": "tube", "boundary": ring},
+    )
     surfaces = [
         {"name": name, "grid": {k: v for k, v in grid.items() if k != "margin"}} for name, grid in zip("ab", grids)
     ]
     result = calibrate(plan_from(PLAN | {"surfaces": surfaces, "skins": []}), mesh)
-    for model, expected in zip(from_document(to_document(result.calibration)).surfaces, (True, False)):
-        uv, fit = np.random.default_rng(1).random((4000, 2)), result.fits[model.name]
-        inside, (k, l) = np.zeros(len(uv), bool), model.trusted.sites.shape
-        assert (k == 0) == expected
-        for loop in model.trusted.boundary:
-            for (u1, v1), (u2, v2) in zip(loop, np.roll(loop, -1, axis=0)):
-                a, b = ((v - uv[:, 1] + 0.5) % 1 - 0.5 if model.closed[1] else v - uv[:, 1] for v in (v1, v2))
-                crosses = ((a <= 0) != (b <= 0)) & (np.abs(b - a) < 0.5 if model.closed[1] else True)
-                inside ^= crosses & (u1 - (u2 - u1) * a / np.where(b == a, 1, b - a) > uv[:, 0])
-        if k:
-            row, column = uv[:, 0] * (k - 1), uv[:, 1] * (l if model.closed[1] else l - 1)
-            for i in (np.floor(row), np.ceil(row)):
-                for j in (np.floor(column), np.ceil(column)):
-                    inside &= model.trusted.sites[i.astype(int), j.astype(int) % l]
-        assert 500 < inside.sum() < 3500 and (inside != fit.is_trusted(uv)).mean() < 0.004
+    one, other = from_document(to_document(result.calibration)).surfaces
+    for model, has_hole in ((one, False), (other, True)):
+        uv = np.random.default_rng(1).random((4000, 2))
+        found, expected = trusted(model, uv), result.fits[model.name].is_trusted(uv)
+        assert ("0" in "".join(model.trusted.sites)) == has_hole
+        assert 500 < found.sum() < 3500 and (found != expected).mean() < 0.004
+    middle = np.mean(one.trusted.boundary[1], axis=0)[None]
+    assert result.fits["a"].is_measured(middle).all() and not trusted(one, middle).any()
 
 
 def test_boards_stay_inside_the_boundary():
