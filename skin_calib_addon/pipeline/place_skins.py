@@ -29,7 +29,7 @@ from ..skin.sheet.taxels import preview_taxels, sheet_taxels
 from ..skin.sheet.wrap import WrappedSheet, wrap_sheet
 from ..skin.single_taxels import with_single_taxels
 from ..skin.warnings import check_overlap, placement_warnings
-from .taxel_sigma import with_sigma
+from .taxel_sigma import draft_sigma, with_sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = 
         patches = with_neighbours_across(patches)
     if draft is None or draft.sigma:
         patches = tuple(
-            with_sigma(patch, skin, fits[patch.surface], done.sheet, may_fold=draft is None)
+            (with_sigma if draft is None else draft_sigma)(patch, skin, fits[patch.surface], done.sheet)
             for done, patch, skin in zip(placed, patches, skins)
         )
     enabled, disabled = with_single_taxels(patches, [skin.taxels for skin in skins])

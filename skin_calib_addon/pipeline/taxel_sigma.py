@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ..calibration.model import Patch, Registration
 from ..common.arrays import Array, BoolArray
@@ -13,6 +14,7 @@ from ..geometry.fit.surface_fit import SurfaceFit
 from ..plan.skins import ImportedSkin, Mounting, SheetSkin, Skin
 from ..skin.sheet.landmarks import MAX_POINT_DISTANCE
 from ..skin.sheet.wrap import WrappedSheet
+from ..skin.single_taxels import chosen_taxels
 from ..skin.uncertainty import (
     DIRECTION_UNCERTAINTY,
     MAX_KNOWN_STRAIN,
@@ -28,6 +30,9 @@ from ..validation.placement import flat_places, flat_point, link_point
 # [1] difference to the normal of the surface from which on a board of the file gives the normal. Larger: boards that
 # are nearly parallel to the surface count as a part of it, with larger uncertainties.
 SAME_NORMAL = 1e-9
+
+# [1] taxels of a skin up to which a preview computes the uncertainty of each. Larger: more time.
+MAX_DRAFT_TAXELS = 600
 
 
 def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | None, may_fold: bool = True) -> Patch:
@@ -50,6 +55,20 @@ def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | 
         sigma[unknown] = np.nan
     sigma[~np.isfinite(sigma).all(axis=1)] = np.nan
     return replace(patch, taxels=replace(taxels, sigma=sigma), registration=registration)
+
+
+def draft_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | None) -> Patch:
+    """Return the same for a preview: of many taxels, each has the uncertainty of the nearest one of a part of them."""
+    taxels = patch.taxels
+    stride = int(np.ceil(np.sqrt(len(taxels.ids) / MAX_DRAFT_TAXELS)))
+    some = (taxels.index % stride == stride // 2).all(axis=1)
+    if stride == 1 or not some.any():
+        return with_sigma(patch, skin, fit, sheet, may_fold=False)
+    part = chosen_taxels(taxels, some)
+    found = with_sigma(replace(patch, taxels=part), skin, fit, sheet, may_fold=False)
+    nearest = cKDTree(part.index).query(taxels.index)[1]
+    sigma = found.taxels.known_sigma[nearest]
+    return replace(patch, taxels=replace(taxels, sigma=sigma), registration=found.registration)
 
 
 def registration_of(skin: Skin, patch: Patch, sheet: WrappedSheet | None) -> Registration:

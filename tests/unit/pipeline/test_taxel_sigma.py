@@ -12,13 +12,15 @@ from skin_calib_addon.calibration.file import load_calibration, save_calibration
 from skin_calib_addon.calibration.model import Patch
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry import CoverSpec, TubeGrid, fit_surface
-from skin_calib_addon.pipeline import calibrate
-from skin_calib_addon.pipeline.taxel_sigma import unknown_sigma, with_sigma
+from skin_calib_addon.pipeline import calibrate, taxel_sigma
+from skin_calib_addon.pipeline.taxel_sigma import draft_sigma, unknown_sigma, with_sigma
 from skin_calib_addon.plan import Plan
 from skin_calib_addon.plan.document import skins_from
 from skin_calib_addon.plan.plan import Surface
 from skin_calib_addon.plan.skins import ImportedSkin
 from skin_calib_addon.skin.imported import imported_taxels
+from skin_calib_addon.skin.single_taxels import chosen_taxels
+from skin_calib_addon.skin.uncertainty import taxel_uncertainty
 from tests.examples import slow
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, cylinder, with_hole
 from tests.unit.skin.test_board_planes import boards_around
@@ -148,3 +150,26 @@ def test_nothing_is_stated_over_a_hole_or_for_a_strained_cell(tmp_path):
     sigma[7] = np.nan
     (warning,) = unknown_sigma(replace(placed.patch, taxels=replace(placed.patch.taxels, sigma=sigma)), whole.fit)
     assert "cannot be computed there" in warning.message and warning.where.taxels == (stated.taxels.ids[7],)
+
+
+@pytest.mark.parametrize("trim", [False, True])
+def test_draft_of_many_taxels_has_the_uncertainty_of_near_ones(trim, tmp_path, monkeypatch):
+    """It computes a part of the rows; along the surface, all are within a tenth of the exact uncertainty."""
+    sheet = SHEET | {"rows": 30, "columns": 40, "pitch": [0.002, 0.002], "trim": trim}
+    sheet["origin"] = [RADIUS, 0, LENGTH - 0.04 if trim else 0.02]
+    result = made(sheet, tmp_path)
+    exact, placed = result.calibration.patches[0], result.placed[0]
+    rows, skin = [], skins_from([sheet])[0]
+    monkeypatch.setattr(
+        taxel_sigma, "taxel_uncertainty", lambda *a, real=taxel_uncertainty: rows.append(len(a[0].ids)) or real(*a)
+    )
+    bare = replace(exact, taxels=replace(exact.taxels, sigma=np.empty((0, 3))), registration=None)
+    draft = draft_sigma(bare, skin, result.fit, placed.sheet)
+    assert trim == (len(exact.taxels.ids) < 1200) and 0 < rows[0] <= 1.2 * taxel_sigma.MAX_DRAFT_TAXELS
+    assert draft.registration == exact.registration
+    assert_allclose(draft.taxels.sigma[:, 0], exact.taxels.sigma[:, 0], rtol=0.1)
+    few = replace(bare, taxels=chosen_taxels(bare.taxels, bare.taxels.index[:, 0] < 4))
+    assert_allclose(
+        draft_sigma(few, skin, result.fit, placed.sheet).taxels.sigma,
+        with_sigma(few, skin, result.fit, placed.sheet).taxels.sigma,
+    )
