@@ -1,5 +1,6 @@
 """Check the responses of a calibration or of a plan."""
 
+import math
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -12,6 +13,8 @@ from .parts import STORED_ROUNDING, Part, items_of, pointers_with_findings
 # Fraction of the largest coefficient below which the leading coefficients of a slope count as zero.
 # Smaller: inaccurate roots; larger: real roots are lost.
 COEFFICIENT_TOLERANCE = 1e-14
+# Derived: binomial coefficients (i over k), for up to 16 coefficients as in the schema
+BINOMIALS = np.array([[math.comb(i, k) for k in range(16)] for i in range(16)], float)
 
 
 def responses_are_monotone(document: Any, findings: Iterable[Finding]) -> Iterator[Finding]:
@@ -88,19 +91,12 @@ def _range_findings(response: dict[str, Any], pointer: str) -> Iterator[Finding]
 
 
 def is_monotone(coefficients: Any, low: float, high: float) -> bool:
-    """Return whether a polynomial is monotone between two readings, up to rounding, from its values at zero slope."""
+    """Return whether a polynomial is monotone between two readings, up to rounding."""
     with np.errstate(all="ignore"):
         shifted = _shifted(np.array(coefficients, float), float(low), float(high))
         if not np.isfinite(np.abs(shifted).sum()):
             return False
-        slope = shifted[1:] * np.arange(1, len(shifted))
-        size = np.abs(slope).max(initial=0)
-        slope = np.trim_zeros(np.where(np.abs(slope) > COEFFICIENT_TOLERANCE * size, slope / size, 0.0), "b")
-    # The real part of each complex root is included: additional points do no harm.
-    points = np.sort(np.concatenate(((0.0, 1.0), np.clip(np.roots(slope[::-1]).real, 0, 1))))
-    values = np.polynomial.polynomial.polyval(points, shifted)
-    steps, most = np.diff(values), STORED_ROUNDING * np.ptp(values)
-    return bool((steps >= -most).all() or (steps <= most).all())
+        return _same_sign(_slope_bounds(shifted)) or _is_monotone_by_roots(shifted)
 
 
 def _shifted(coefficients: Array, low: float, high: float) -> Array:
@@ -112,6 +108,29 @@ def _shifted(coefficients: Array, low: float, high: float) -> Array:
         shifted[1:] += rest
         shifted[0] += coefficient
     return shifted
+
+
+def _slope_bounds(shifted: Array) -> Array:
+    """Return the Bernstein coefficients (m,) of the slope on [0, 1], which bound it."""
+    m = len(shifted) - 1
+    return np.asarray(shifted[1:] * np.arange(1, m + 1) / BINOMIALS[max(m - 1, 0), :m] @ BINOMIALS[:m, :m].T)
+
+
+def _same_sign(steps: Array) -> bool:
+    """Return whether steps (m,) are all nonnegative or all nonpositive."""
+    return bool((steps >= 0).all() or (steps <= 0).all())
+
+
+def _is_monotone_by_roots(shifted: Array) -> bool:
+    """Return whether a polynomial is monotone on [0, 1], from its values where the slope is zero."""
+    slope = shifted[1:] * np.arange(1, len(shifted))
+    size = np.abs(slope).max()
+    slope = np.trim_zeros(np.where(np.abs(slope) > COEFFICIENT_TOLERANCE * size, slope / size, 0.0), "b")
+    # The real part of each complex root is included: additional points do no harm.
+    points = np.sort(np.concatenate(((0.0, 1.0), np.clip(np.roots(slope[::-1]).real, 0, 1))))
+    values = np.polynomial.polynomial.polyval(points, shifted)
+    steps, most = np.diff(values), STORED_ROUNDING * np.ptp(values)
+    return bool((steps >= -most).all() or (steps <= most).all())
 
 
 def _first(wrong: Any) -> int | None:

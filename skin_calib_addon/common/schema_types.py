@@ -19,6 +19,7 @@ LIMITS = {
 }
 ANNOTATIONS = {"$schema", "$defs", "$comment", "title", "description", "default"}
 _BULK_KEYWORDS = {"type", "items", "minItems", "maxItems", "pattern", "minLength", *LIMITS, *ANNOTATIONS}
+_BULK_KEYWORDS |= {"required", "properties", "additionalProperties"}
 _TYPES = {"object": dict, "array": list, "boolean": bool, "null": type(None)}
 _SURROGATE = re.compile("[\ud800-\udfff]")
 _LARGEST = float(np.finfo(float).max)
@@ -86,6 +87,8 @@ def all_fit(values: list[Any], schema: Schema, root: Schema) -> bool:
     if wanted == "string":
         least, matches = schema.get("minLength", 0), matcher(schema.get("pattern", ""))
         return types <= {str} and all(len(v) >= least and matches(v) and not _SURROGATE.search(v) for v in set(values))
+    if wanted == "object":
+        return types <= {dict} and _objects_fit(values, schema, root)
     if wanted in _TYPES:
         return types <= {_TYPES[wanted]}
     return wanted in ("number", "integer") and types <= {int, float} and _all_numbers_fit(values, schema)
@@ -98,6 +101,14 @@ def _choices_fit(values: list[Any], branches: list[Schema], root: Schema) -> boo
             return False
         values = [value for value, is_this in zip(values, matching) if not is_this]
     return not values
+
+
+def _objects_fit(values: list[Any], schema: Schema, root: Schema) -> bool:
+    known, needed = schema.get("properties", {}), set(schema.get("required", ()))
+    is_open = schema.get("additionalProperties") is not False
+    if not all(needed <= names and (is_open or names <= known.keys()) for names in set(map(frozenset, values))):
+        return False
+    return all(all_fit([v[name] for v in values if name in v], part, root) for name, part in known.items())
 
 
 def _all_numbers_fit(values: list[Any], schema: Schema) -> bool:
