@@ -179,6 +179,8 @@ MEANING = [  # errors that need the complete document
     (f"{T0}/neighbours/0/1", "s9", "unknown-neighbour", 'names the unknown taxel "s9"'),
     (f"{T0}/neighbours/0/1", "s0.0", "self-neighbour", "names the taxel itself"),
     (f"{T0}/neighbours/0/1", "h0", "one-sided-neighbour", "does not list this taxel"),
+    ("/surfaces/1/trusted/boundary/0/2", [1.0, 1.2], "value", r"is outside of \[0, 1\] x \[0, 1\]"),
+    ("/surfaces/1/trusted/sites/1", "10", "length", "rows of different lengths", "/surfaces/1/trusted/sites"),
     (f"{T0}/uv", lambda uv: uv[:5], "length", "contains 5 taxels, but 'id' has 6"),
     (f"{T0}/strain", lambda rows: rows + rows, "length", "contains 12 taxels"),
     (f"{T0}/corners/2", lambda polygon: polygon[:3], "length", "has 3 corners, but the first cell has 4"),
