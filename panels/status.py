@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.live.advice import PROPOSE, REFUSAL, hidden_surface, mark_of, offered
+from ..skin_calib_addon.blender.live.advice import PROPOSE, REFUSAL, hidden_surface, is_of_the_fit, mark_of, offered
 from ..skin_calib_addon.blender.scene.link_objects import namesakes, why_not
 from ..skin_calib_addon.blender.scene.results import least_exact
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
@@ -86,7 +86,7 @@ def draw_status(layout, link):
     if report and report.refusal:
         draw_warning(layout, plan, report.refusal, REFUSAL)
         offers = [action for action, _ in offered(report.refusal, plan, metres_per_unit(bpy.context.scene))]
-        if not plan.proposed and not report.refusal.where.skin and offers[:1] != [PROPOSE]:
+        if not plan.proposed and is_of_the_fit(report.refusal) and offers[:1] != [PROPOSE]:
             show_text(layout, "Or press Propose. It replaces the plan by one that can be fitted.", "INFO")
     elif result.key and result.warnings:
         if result.outdated:

@@ -21,7 +21,9 @@ ORDER = (
     "not-converged",
     "nearly-folded",
     "undercut",
+    "inner-part",
     "missing-samples",
+    "beside-mesh",
     "planes-nearly-parallel",
     # taxels are wrong
     "overlap",
@@ -38,6 +40,7 @@ ORDER = (
     "dropped-curves",
     "outlier-vertices",
     "chords-refused",
+    "nearly-symmetric",
 )
 
 

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from ..common.arrays import Array, IntArray, freeze
 from ..common.surface_errors import DistanceStatistics
 from .mesh.distance import closest
+from .mesh.face_points import sample_faces
 from .mesh.triangle_mesh import TriangleMesh
-from .mesh.visibility import sample_faces
 from .surface.bspline import MIN_LENGTH
 
 # [m] mean distance below which a cloud is on the mesh: the thickness of a cover separates taxels from the mesh. Larger:

@@ -7,6 +7,7 @@ from functools import cached_property
 from time import perf_counter
 
 import numpy as np
+from scipy import ndimage
 
 from .. import __version__
 from ..calibration.modality import Modality
@@ -15,9 +16,10 @@ from ..common.errors import PoorFit, SkinCalibError, listed
 from ..common.warnings import Warning, worst_first
 from ..geometry.blas_threads import one_blas_thread
 from ..geometry.fit.auto import fit_grid
+from ..geometry.fit.diagnosis import nearest_site
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.grid.grids import Grid
-from ..geometry.mesh.cover import CoverSpec, cut_cover
+from ..geometry.mesh.cover import CoverSpec, cut_cover, inner_parts
 from ..geometry.mesh.triangle_mesh import TriangleMesh, joined
 from ..geometry.surface.bspline import BSplineSurface
 from ..geometry.surface.footpoints import footpoints
@@ -146,7 +148,7 @@ def calibrate(
         covers = {surface.name: cut[surface.cover] for surface in plan.surfaces}
     with stage("fit"):
         fits = {
-            surface.name: known.get(surface.name) or fit_of(plan, surface, covers[surface.name])
+            surface.name: known.get(surface.name) or fit_of(plan, surface, mesh, covers[surface.name])
             for surface in plan.surfaces
         }
     with stage("wrap"):
@@ -183,10 +185,11 @@ def cut_for(plan: Plan, surface: Surface, mesh: TriangleMesh) -> TriangleMesh:
         return cut_cover(mesh, surface.cover)
 
 
-def fit_of(plan: Plan, surface: Surface, cover: TriangleMesh) -> SurfaceFit:
-    """Fit one surface of a plan; errors name the surface if there are several."""
+def fit_of(plan: Plan, surface: Surface, mesh: TriangleMesh, cover: TriangleMesh) -> SurfaceFit:
+    """Fit one surface of a plan to its cover of the mesh; errors name the surface if there are several."""
     with naming_surface(plan, surface.name):
         fit = fit_grid(cover, surface.grid, surface.degree, surface.chords, surface.max_deviation)
+        fit = replace(fit, inner=inner_parts(mesh, surface.cover))
         refuse_errors(fit.warnings)
     return fit
 
@@ -210,7 +213,7 @@ def warnings_of(fits: Mapping[str, SurfaceFit], placed: tuple[PlacedSkin, ...]) 
     found = [warning if len(fits) == 1 else _naming(names, warning) for warning, names in surfaces.items()]
     for skin in placed:
         fit = fits[skin.patch.surface]
-        found += (*_over_holes(skin.patch, fit), *skin.warnings, *normal_warnings(skin.patch, fit.given_mesh))
+        found += (*_off_mesh(skin.patch, fit), *skin.warnings, *normal_warnings(skin.patch, fit.given_mesh))
         found += unknown_sigma(skin.patch, fit)
     found += overlap_warnings([skin.patch for skin in placed])
     return tuple(worst_first(found))
@@ -222,15 +225,23 @@ def _naming(names: list[str], warning: Warning) -> Warning:
     return replace(warning, message=message, where=replace(warning.where, surface=names[0]))
 
 
-def _over_holes(patch: Patch, fit: SurfaceFit) -> Iterator[Warning]:
-    """Yield a warning if taxels of a patch are over a hole of the mesh."""
+def _off_mesh(patch: Patch, fit: SurfaceFit) -> Iterator[Warning]:
+    """Yield a warning if taxels of a patch are where the surface does not follow the mesh."""
     over = np.flatnonzero(~fit.is_trusted(patch.taxels.uv))
     if len(over):
+        beside = ndimage.binary_dilation(fit.samples.beside(fit.lines.closed))
+        are_beside = np.array([beside[nearest_site(fit.samples, uv, fit.lines.closed)] for uv in patch.taxels.uv[over]])
+        region = fit.lines.region
+        are_out = region is not None and ~region(fit.surface.points(patch.taxels.uv[over]))
+        kinds = np.where(
+            are_out, "outside the boundary", np.where(are_beside, "beside the mesh", "over a hole of the mesh")
+        )
         message = (
-            f"{len(over)} of {len(patch.taxels.ids)} taxels of {patch.name} are over a hole of the mesh, "
+            f"{len(over)} of {len(patch.taxels.ids)} taxels of {patch.name} are {' or '.join(np.unique(kinds))}, "
             f"where the surface is extrapolated: {listed([patch.taxels.ids[i] for i in over])}."
         )
-        yield cells_warning("over-hole", patch, over, message, float(len(over)), "Close the hole, or move the skin.")
+        advice = "Close the hole, or move the skin." if "a hole" in message else "Move the skin, or trim it."
+        yield cells_warning("over-hole", patch, over, message, float(len(over)), advice)
 
 
 def surface_model(surface: Surface, fit: SurfaceFit) -> SurfaceModel:

@@ -26,7 +26,7 @@ def mends(change: str, plan: Plan, mesh: TriangleMesh, problem: Warning) -> bool
     if changed is None:
         return False
     try:
-        fit = fit_of(plan, changed, cut_for(plan, changed, mesh))
+        fit = fit_of(plan, changed, mesh, cut_for(plan, changed, mesh))
     except SkinCalibError:
         return False
     return problem.severity == "error" or problem.code not in {warning.code for warning in fit.warnings}

@@ -320,14 +320,14 @@ PLANES = Record(
         Key(
             "u",
             many(PLANE, "planes", minItems=1),
-            "Planes across the link, in their order along it.",
+            "Planes across the link, in any order.",
             label="U-Planes",
             labels=("U-Plane",),
         ),
         Key(
             "v",
             many(PLANE, "planes", minItems=1),
-            "Planes along the link, in their order round or across it.",
+            "Planes along the link, in any order.",
             label="V-Planes",
             labels=("V-Plane",),
         ),

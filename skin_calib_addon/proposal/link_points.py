@@ -9,8 +9,9 @@ from scipy.spatial import cKDTree
 from ..common.arrays import Array, BoolArray, IntArray
 from ..geometry.components import components
 from ..geometry.mesh.cover import single_faces
+from ..geometry.mesh.face_points import sample_faces
 from ..geometry.mesh.triangle_mesh import TriangleMesh
-from ..geometry.mesh.visibility import MIN_OPEN, MIN_OPENNESS, openness_at, sample_faces, visibility
+from ..geometry.mesh.visibility import MIN_OPEN, MIN_OPENNESS, openness_at, visibility
 
 # [m] distance of the points. Larger: faster; edges of free areas are less exact.
 POINT_DISTANCE = 2.5e-3

@@ -16,8 +16,9 @@ from ..common.arrays import Array, BoolArray
 from ..common.errors import UnknownLink
 from ..common.findings import did_you_mean, show
 from ..geometry.mesh.distance_field import DistanceField
+from ..geometry.mesh.face_points import sample_faces
 from ..geometry.mesh.triangle_mesh import TriangleMesh, stacked
-from ..geometry.mesh.visibility import MIN_OPEN, DepthBuffers, point_distance, sample_faces
+from ..geometry.mesh.visibility import MIN_OPEN, DepthBuffers, point_distance
 from .kinematics import joint_pose
 from .link_mesh import shapes_of
 from .urdf import ONE_AXIS, Joint, Robot

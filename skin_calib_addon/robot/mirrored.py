@@ -11,8 +11,8 @@ import numpy as np
 
 from ..common.arrays import Array, freeze
 from ..geometry.mesh.distance import closest
+from ..geometry.mesh.face_points import sample_faces
 from ..geometry.mesh.triangle_mesh import TriangleMesh
-from ..geometry.mesh.visibility import sample_faces
 from .kinematics import link_poses
 from .urdf import Robot
 

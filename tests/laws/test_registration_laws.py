@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.geometry.mesh.distance import closest
-from skin_calib_addon.geometry.mesh.visibility import sample_faces
+from skin_calib_addon.geometry.mesh.face_points import sample_faces
 from skin_calib_addon.geometry.registration import find_frame
 from tests.examples import examples
 from tests.shapes import Motion, weld, wrist

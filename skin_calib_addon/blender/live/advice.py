@@ -153,9 +153,11 @@ ACTIONS: dict[str, tuple[Action, ...]] = {
     "folded": (SECTOR, CUT, PROPOSE),
     "nearly-folded": (MARGIN, CUT, SECTOR),
     "missing-samples": (HOLES,),
+    "beside-mesh": (MARGIN,),
     "dropped-curves": (SEEN,),
     "not-converged": (AXIS,),
     "undercut": (CUT, SECTOR),
+    "inner-part": (SEEN,),
     "chords-refused": (Action("wm.context_set_boolean", "Follow the Facets", lambda *_: _setting("chords", False)),),
     "overlap": (Action("wm.context_set_int", "Fewer Cells", _fewer),),
     "over-hole": (TRIM,),
@@ -172,14 +174,23 @@ ACTIONS: dict[str, tuple[Action, ...]] = {
 
 
 def offered(warning: Warning, plan: Any, metre: float) -> Iterator[tuple[Action, dict[str, Any]]]:
-    """Yield the actions that apply to a warning now, each with the properties of its operator."""
+    """Yield the actions that apply to a warning now, each with the properties of its operator.
+
+    A plan without skins has nothing that a proposal would discard: it is offered first.
+    """
     if warning.where.surface not in ("", *surface_names(plan)):
         return  # renamed or removed after the fit
     on = Subject.of(warning, plan)
-    for action in ACTIONS.get(warning.code, ()):
+    actions = ACTIONS.get(warning.code, ())
+    for action in actions if len(on.skins) else sorted(actions, key=lambda action: action is not PROPOSE):
         properties = action.properties(warning, on, metre)
         if properties is not None and _trial(plan.id_data, warning, action) not in session.of(plan.id_data).in_vain:
             yield action, properties
+
+
+def is_of_the_fit(warning: Warning) -> bool:
+    """Return whether a refusal is one of the surface, which other planes or cuts can mend."""
+    return PROPOSE in ACTIONS.get(warning.code, ()) or warning.code in ("UnderdeterminedFit", "UnreachableTolerance")
 
 
 def give_up(link: bpy.types.Object, warning: Warning, action: Action) -> None:

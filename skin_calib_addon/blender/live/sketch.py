@@ -55,7 +55,7 @@ def sketch_of(mesh: TriangleMesh, planes: HandPlanes, coarse: bool = False) -> S
 
 
 def _check_order(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> None:
-    """Find the first plane that is not beyond the plane before it, as a fit with the planes that cut the mesh does."""
+    """Find the first plane that is the same as another one, as a fit with the planes that cut the mesh does."""
     rows = {family: [i for i in range(len(planes.points(family))) if (family, i) in sketch.arms] for family in "UV"}
     if not all(rows.values()):
         return
@@ -64,9 +64,9 @@ def _check_order(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> None
         PlanesGrid(u, v, planes.closed).line_grid(mesh)
     except InvalidPlan as error:
         if "plane" in error.numbers:  # others are of the planes together
-            name, k = error.numbers["family"], error.numbers["plane"]
+            name, k, before = (error.numbers[key] for key in ("family", "plane", "before"))
             of = rows[name.upper()]
-            sketch.wrong[name.upper(), of[k]] = f"is not beyond {name}-plane {of[k - 1]}"
+            sketch.wrong[name.upper(), of[k]] = f"does not follow {name}-plane {of[before]}, or is the same"
 
 
 def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes, coarse: bool) -> TriangleMesh:

@@ -8,7 +8,7 @@ import numpy as np
 from ...common.arrays import Array, BoolArray, IntArray
 from ...common.errors import EmptySection, InvalidPlan, UnderdeterminedFit, UnreachableTolerance
 from ..grid.axis import Axis
-from ..grid.grids import AutoGrid, Grid, PlanesGrid, Region, Size, Tolerance, Vector, length_warnings, region_of
+from ..grid.grids import AutoGrid, Grid, PlanesGrid, Region, Size, Tolerance, Vector, region_of, region_warnings
 from ..grid.heights import Heights, sampled_heights
 from ..grid.parametrizations import Parametrization
 from ..grid.spacing import MAX_MOVES, best_positions, spaced_lines
@@ -208,7 +208,7 @@ def _smallest(
     fit = search.run()
     if fit is None:
         raise refusal(search, grid.region)
-    lines = replace(fit.lines, warnings=length_warnings(grid.region, parametrization, mesh))
+    lines = replace(fit.lines, warnings=region_warnings(grid.region, parametrization, mesh))
     return replace(fit, lines=lines, **left_out(given, outliers))
 
 

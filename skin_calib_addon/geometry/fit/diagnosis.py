@@ -52,50 +52,49 @@ class DeviationLimits:
         return cls(warned, max(max_deviation, warned))
 
 
-def dropped_curves(rows: SampleRows, samples: RaySamples) -> tuple[IntArray, Array, Array]:
-    """Return the curves in each row's section that the surface does not follow, such as inner walls.
+@dataclass(frozen=True, eq=False)
+class DroppedCurves:
+    """The curves in the sections of the rows that the surface does not follow, such as inner walls."""
 
-    A curve that no ray hits and that is shorter than the distance between two rays, as at the rim of a hole, is between
-    them; it is not counted.
-    """
-    sections, faces = rows.sections, len(rows.mesh.faces)
-    ends = flat_ends(sections, rows.planes, rows.axes)
-    hit = np.zeros((sections.planes, faces), bool)
-    np.put_along_axis(hit, samples.faces, ~np.isnan(samples.residuals), axis=1)
-    bounds = np.searchsorted(sections.plane, np.arange(sections.planes + 1))
-    steps = np.median(np.linalg.norm(np.diff(samples.origins + samples.arms, axis=1), axis=2), axis=1)
-    counts, lengths = np.zeros(sections.planes, np.int64), np.zeros(sections.planes)
-    points = np.zeros((sections.planes, 3))
-    for i, (first, last) in enumerate(zip(bounds, bounds[1:])):
-        if last > first:
-            curve = curves(ends[first:last])
-            _, curve = np.unique(curve, return_inverse=True)
-            followed = np.bincount(curve, hit[i, sections.face[first:last]]) > 0
-            length = np.bincount(curve, np.linalg.norm(ends[first:last, 1] - ends[first:last, 0], axis=1))
-            followed |= length < steps[i]
-            counts[i] = np.count_nonzero(~followed)
-            longest = int(np.argmax(np.where(followed, 0.0, length)))
-            lengths[i] = 0.0 if followed[longest] else length[longest]
-            start = ends[first + np.argmax(curve == longest), 0]
-            points[i] = rows.planes.points[i] + start @ rows.axes[i if len(rows.axes) > 1 else 0]
-    return counts, lengths, points
+    counts: IntArray  # (k,) of each row
+    row: int  # of the longest
+    length: float  # [m] of the longest; 0 without any
+    point: Array  # (3,) on the longest [m]
+
+    @classmethod
+    def of(cls, rows: SampleRows, samples: RaySamples) -> "DroppedCurves":
+        """Find them.
+
+        A curve that no ray hits and that is shorter than the distance between two rays, as at the rim of a hole, is
+        between them; it is not counted.
+        """
+        sections, faces = rows.sections, len(rows.mesh.faces)
+        row, ends = sections.plane, flat_ends(sections, rows.planes, rows.axes)
+        _, first, curve = np.unique(curves(ends, row), return_index=True, return_inverse=True)
+        met = np.arange(sections.planes)[:, None] * faces + samples.faces
+        hit = np.isin(row * faces + sections.face, met[~np.isnan(samples.residuals)])
+        steps = np.median(np.linalg.norm(np.diff(samples.origins + samples.arms, axis=1), axis=2), axis=1)
+        lengths = np.bincount(curve, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+        lengths[(np.bincount(curve, hit) > 0) | (lengths < steps[row[first]])] = 0.0
+        counts = np.bincount(row[first[lengths > 0]], minlength=sections.planes)
+        at = first[lengths.argmax()]
+        axes = rows.axes[row[at] if len(rows.axes) > 1 else 0]
+        return cls(counts, int(row[at]), float(lengths.max()), rows.planes.points[row[at]] + ends[at, 0] @ axes)
 
 
-def dropped_curve_warnings(basis: TensorBasis, dropped: tuple[IntArray, Array, Array]) -> Iterator[Warning]:
+def dropped_curve_warnings(u_names: tuple[str, ...], basis: TensorBasis, dropped: DroppedCurves) -> Iterator[Warning]:
     """Yield a warning if sections have curves that the surface does not follow."""
-    counts, lengths, points = dropped
-    if not counts.any():
+    if not dropped.length:
         return
-    row = int(lengths.argmax())
-    place = Place(point_of(points[row]), f"u-plane {int(np.argmax(basis.N[row]))}")
-    most = int(counts.max())
+    place = Place(point_of(dropped.point), u_names[int(np.argmax(basis.N[dropped.row]))])
+    most = int(dropped.counts.max())
     yield Warning(
         "dropped-curves",
         "warning",
         f"Sections have up to {most} {'curve' if most == 1 else 'curves'} that the surface does not follow, such as "
-        f"inner walls or bolts. The longest, {lengths[row] * 1e3:.1f} mm long, is {place.words}.",
+        f"inner walls or bolts. The longest, {dropped.length * 1e3:.1f} mm long, is {place.words}.",
         place,
-        float(lengths[row]),
+        dropped.length,
         "None needed if no skin covers them. Otherwise cut away what hides them, or move the axis.",
     )
 
@@ -103,7 +102,7 @@ def dropped_curve_warnings(basis: TensorBasis, dropped: tuple[IntArray, Array, A
 def nearest_names(lines: LineGrid, basis: TensorBasis, site: tuple[int, int]) -> str:
     """Return the names of the u-plane and the v-line with the largest weight at a sample site."""
     i, j = int(np.argmax(basis.N[site[0]])), int(np.argmax(basis.M[site[1]]))
-    return f"u-plane {i} and {lines.v_names[j]}"
+    return f"{lines.u_names[i]} and {lines.v_names[j]}"
 
 
 def nearest_site(samples: RaySamples, uv: Array, closed: bool) -> tuple[int, int]:
@@ -146,6 +145,29 @@ def largest_at(values: Array) -> tuple[int, int]:
     return int(i), int(j)
 
 
+def missed_warnings(lines: LineGrid, basis: TensorBasis, samples: RaySamples) -> Iterator[Warning]:
+    """Yield warnings where sample rays miss the mesh: in holes, and beside its outline.
+
+    Single rays pass small holes; next to hits the surface is no extrapolation.
+    """
+    beside = samples.beside(lines.closed)
+    in_holes = samples.holes & ~beside
+    wide = in_holes & ~ndimage.binary_dilation(~np.isnan(samples.residuals))
+    what = "mesh" if samples.outside is None else "cover inside the boundary"
+    total = samples.missed.size if samples.outside is None else int((~samples.outside).sum())
+    for missed, shown, code, rest, advice in (
+        (in_holes, wide, "missing-samples", f"do not hit the {what}", "Close the hole, or keep the skin away from it."),
+        (beside, beside, "beside-mesh", "pass beside the mesh", "Move the planes, or keep the skin away from there."),
+    ):
+        if shown.any():
+            around = missed.mean(axis=1)[:, None] + missed.mean(axis=0)
+            at = largest_at(np.where(shown, around, -1.0))
+            place = Place(point_of(samples.origins[at] + samples.arms[at]), nearest_names(lines, basis, at))
+            fraction = float(missed.sum() / total)
+            message = f"{_percent(fraction)} of the sample rays {rest}, most of them {place.words}. "
+            yield Warning(code, "warning", f"{message}The surface there is extrapolated.", place, fraction, advice)
+
+
 def fit_warnings(
     mesh: TriangleMesh,
     lines: LineGrid,
@@ -159,22 +181,7 @@ def fit_warnings(
 ) -> Iterator[Warning]:
     """Yield the warnings that an author should check before trusting a fit."""
     yield from lines.warnings
-    missed, what = samples.holes, "mesh"
-    if samples.outside is not None:  # single rays pass small holes; next to hits the surface is no extrapolation
-        missed, what = missed & ~ndimage.binary_dilation(~np.isnan(samples.residuals)), "cover inside the boundary"
-    if missed.any():
-        around = missed.mean(axis=1)[:, None] + missed.mean(axis=0)
-        at = largest_at(np.where(missed, around, -1.0))
-        place = Place(point_of(samples.origins[at] + samples.arms[at]), nearest_names(lines, basis, at))
-        yield Warning(
-            "missing-samples",
-            "warning",
-            f"{_percent(samples.missing)} of the sample rays do not hit the {what}, most of them {place.words}. "
-            "The surface there is extrapolated.",
-            place,
-            samples.missing,
-            "Close the hole, or keep the skin away from it.",
-        )
+    yield from missed_warnings(lines, basis, samples)
     if worst is None:
         distance, place = maximum_deviation(mesh, lines, basis, samples, limits.warned)
     else:

@@ -11,6 +11,7 @@ from ...common.arrays import Array, BoolArray, IntArray, cross, norms, pairs_of,
 from ...common.errors import EmptySection
 from ...common.surface_errors import DistanceStatistics
 from ..mesh.distance import closest, dots
+from ..mesh.face_points import GOLDEN_RATIO, points_at, points_by_area
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.samples import RaySamples
 from ..surface.bspline import BSplineSurface
@@ -41,7 +42,6 @@ MIN_MEAN_FACING = 0.5
 MIN_COVER_COSINE = 0.5
 # [standard deviations] half width of a 95 % confidence interval. Contract: as the documentation states it.
 CONFIDENCE_FACTOR = 1.96
-GOLDEN_RATIO = (1 + 5**0.5) / 2
 NOT_COUNTED = -1.0  # [m] instead of the distance of a point that does not count
 
 IsCover = Callable[[Array], BoolArray]  # from points (k, 3) [m] of a mesh to those that count
@@ -196,13 +196,10 @@ def mesh_to_surface(
     """
     sides = mesh.triangles[:, 1:] - mesh.triangles[:, :1]
 
-    def points(face: IntArray, at: Array) -> Array:
-        return mesh.triangles[face, 0] + np.einsum("ks,ksc->kc", at, sides[face])
-
     def distances(face: IntArray, at: Array) -> tuple[Array, Array, BoolArray]:
         at[:, 0] = np.clip(at[:, 0], 0, 1)
         at[:, 1] = np.clip(at[:, 1], 0, 1 - at[:, 0])
-        places, of_faces = points(face, at), mesh.face_normals[face]
+        places, of_faces = points_at(mesh, face, at), mesh.face_normals[face]
         uv, found, normals = near_footpoints(surface, places)
         counts = is_inside(surface, uv, known) & is_parallel(of_faces, normals, side)
         if is_cover is not None:
@@ -222,11 +219,11 @@ def mesh_to_surface(
     if total:
         apart = np.sqrt(mesh.face_areas.sum() / count)
         width = np.repeat(apart / np.sqrt(8 * mesh.face_areas[face, None]), 2, axis=1)
-        places = points(face, at)
+        places = points_at(mesh, face, at)
         near = np.isfinite(cKDTree(places[found[2]]).query(places, distance_upper_bound=BORDER * apart)[0])
         _, best, where = largest_around(distances, face, at, width, found, largest, near)
         if where is not None:  # the search has estimates
-            largest = max(largest, float(footpoints(surface, points(best[None], where[None]))[1][0]))
+            largest = max(largest, float(footpoints(surface, points_at(mesh, best[None], where[None]))[1][0]))
     if largest < 0:
         raise EmptySection("No mesh face is near the surface with a matching normal. Move the planes.")
     return statistics_of(found[0][found[2]], np.ones(total), largest)
@@ -258,19 +255,6 @@ def winding(mesh: TriangleMesh, samples: RaySamples) -> int:
     hit = ~np.isnan(samples.residuals)
     facing = np.sign((samples.rays[hit] * mesh.face_normals[samples.faces[hit]]).sum(axis=1)).mean()
     return int(np.sign(facing)) if abs(facing) > MIN_MEAN_FACING else 0
-
-
-def points_by_area(mesh: TriangleMesh, count: int) -> tuple[IntArray, Array]:
-    """Return faces (k,) and positions (k, 2) along their sides from the first corner: ``count`` points, even by area.
-
-    Turk, Generating Random Points in Triangles, 1990, with even numbers instead of random ones.
-    """
-    ends = np.cumsum(mesh.face_areas)
-    at = (np.arange(count) + 0.5) / count * ends[-1]
-    face = np.minimum(np.searchsorted(ends, at), len(ends) - 1)
-    a = np.sqrt(np.clip((ends[face] - at) / mesh.face_areas[face], 0, 1))
-    b = np.arange(count) * GOLDEN_RATIO % 1
-    return face, np.stack((a * (1 - b), a * b), axis=1)
 
 
 def is_parallel(normals: Array, of_surface: Array, side: int) -> BoolArray:

@@ -265,7 +265,7 @@ def check_coverage(mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samp
                 lost[np.argmax(weights[nearest[lost], lost])]
             )  # its own row is missing, not only a row between planes
             name, place = (
-                (f"u-plane {i}", lines.origins[i, 0]) if what == "u" else (lines.v_names[i], lines.origins[0, i])
+                (lines.u_names[i], lines.origins[i, 0]) if what == "u" else (lines.v_names[i], lines.origins[0, i])
             )
             raise EmptySection(
                 f"{name}, through {millimetres(place)}, does not intersect the mesh. "

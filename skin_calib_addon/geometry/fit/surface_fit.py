@@ -17,7 +17,7 @@ from ..sampling.lines import LineGrid
 from ..sampling.samples import RaySamples, SampleRows
 from ..surface.bspline import BSplineSurface
 from ..surface.distance import is_sampled, surface_samples
-from .diagnosis import DeviationLimits, dropped_curve_warnings, dropped_curves, fit_warnings
+from .diagnosis import DeviationLimits, DroppedCurves, dropped_curve_warnings, fit_warnings
 from .error_field import ErrorField, error_field
 from .error_report import (
     MIN_COVER_COSINE,
@@ -28,6 +28,7 @@ from .error_report import (
     surface_to_mesh,
     winding,
 )
+from .inner_parts import inner_part_warnings
 from .undercut import undercut_warnings
 
 # [1] points per control point and direction at which the area element is evaluated. Larger: smaller folds are found.
@@ -59,6 +60,7 @@ class SurfaceFit:
     ] = ()  # about vertices that were moved onto the plane of their neighbours before the fit
     with_outliers: TriangleMesh | None = None  # the mesh as it was given; None if no vertex was moved
     refused_chords: bool = False  # whether facets that should be chords were used as they are
+    inner: TriangleMesh | None = None  # the parts that the cover leaves out as inner ones; None: none, or not known
 
     @property
     def converged(self) -> bool:
@@ -221,11 +223,11 @@ class SurfaceFit:
     @property
     def dropped_loops(self) -> IntArray:
         """Return the number of curves in the section of each row that the surface does not follow, shape (k,)."""
-        return self._dropped_curves[0]
+        return self._dropped_curves.counts
 
     @cached_property
-    def _dropped_curves(self) -> tuple[IntArray, Array, Array]:
-        return dropped_curves(SampleRows.of(self.mesh, self.lines, self.basis), self.samples)
+    def _dropped_curves(self) -> DroppedCurves:
+        return DroppedCurves.of(SampleRows.of(self.mesh, self.lines, self.basis), self.samples)
 
     @cached_property
     def warnings(self) -> tuple[Warning, ...]:
@@ -238,8 +240,10 @@ class SurfaceFit:
         about = fit_warnings(self.mesh, *parts, *self._smallest_area, self.movement, self.limits, worst)
         found = [*self.outliers, *about]
         if self.lines.region is None:  # with a boundary, what is next to or below the surface is left out on purpose
-            found += dropped_curve_warnings(self.basis, self._dropped_curves)
+            found += dropped_curve_warnings(self.lines.u_names, self.basis, self._dropped_curves)
             found += undercut_warnings(self.mesh, *parts, self.surface)
+        if self.inner is not None:
+            found += inner_part_warnings(self.inner, self.surface, self.is_trusted, self.limits.warned)
         if self.refused_chords:
             found.append(Warning("chords-refused", "warning", CHORDS_REFUSED, advice="Remove the option chords."))
         return tuple(found)

@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...common.arrays import Array, unit
+from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidPlan
 from ...common.warnings import Place, Warning, point_of
 from ..mesh.triangle_mesh import TriangleMesh
@@ -13,7 +13,18 @@ from ..sampling.frames import TubeFrame, frame_of
 from ..sampling.lines import LineGrid
 from ..sampling.planes import Planes
 from ..sampling.rays import TURN
-from .axis import FULL_TURN_ANGLES, SAME_PLANE_FRACTION, Axis, find_axis, long_direction, stations_between, tube_frame
+from .axis import (
+    FULL_TURN_ANGLES,
+    SAME_PLANE_FRACTION,
+    TRIAL_STATIONS,
+    Axis,
+    find_axis,
+    long_direction,
+    open_at,
+    stations_between,
+    symmetry_notes,
+    tube_frame,
+)
 from .curved_axis import CurvedAxis, curved_axis_span, find_curved_axis
 from .parametrizations import (
     FaceParametrization,
@@ -46,7 +57,7 @@ MIN_FACING_COSINE = np.cos(np.deg2rad(61.0))
 MIN_SIDE_COSINE = 0.1
 # [fraction of the length of the mesh along the axis] length of a surface with an automatic margin below which there is
 # a warning. Larger: more warnings.
-MIN_COVERED_LENGTH = 0.5
+MIN_COVERED_LENGTH = 0.85
 
 
 @dataclass(frozen=True)
@@ -242,7 +253,7 @@ class Grid:
         size = self.size.n, self.size.lines
         parametrization = _parametrization(self.region, mesh)
         lines = spaced_lines(mesh, parametrization, size, degree, self.spacing, 0 if draft else MAX_MOVES)
-        return replace(lines, warnings=length_warnings(self.region, parametrization, mesh))
+        return replace(lines, warnings=region_warnings(self.region, parametrization, mesh))
 
     def moved_lines(self, lines: ParametrizedLines, mesh: TriangleMesh) -> ParametrizedLines:
         """Return lines at the same places on a mesh that differs little from an earlier one, for a preview.
@@ -270,6 +281,16 @@ def _parametrization(region: Region, mesh: TriangleMesh) -> Parametrization:
     return region.parametrization(mesh)
 
 
+def region_warnings(region: Region, parametrization: Parametrization, mesh: TriangleMesh) -> tuple[Warning, ...]:
+    """Return what an author should know about a tube or a sector: its length, and sides that are nearly equal.
+
+    A boundary belongs to the mesh for which it was drawn.
+    """
+    if region.boundary or not isinstance(region, Tube | Sector):
+        return ()
+    return (*length_warnings(region, parametrization, mesh), *symmetry_notes(mesh, region.axis))
+
+
 def length_warnings(region: Region, parametrization: Parametrization, mesh: TriangleMesh) -> tuple[Warning, ...]:
     """Return a warning if the complete sections between the default margins are a short part of the link."""
     if region.margin is not None or region.boundary or not isinstance(parametrization, TubeParametrization):
@@ -283,17 +304,20 @@ def length_warnings(region: Region, parametrization: Parametrization, mesh: Tria
     covered, length = last - first, high - low
     if covered >= MIN_COVERED_LENGTH * length:
         return ()
-    end, name = (first, "the first u-plane") if first - low > high - last else (last, "the last u-plane")
+    is_first = first - low > high - last
+    end, name = (first, "the first u-plane") if is_first else (last, "the last u-plane")
     place = Place(point_of(frame.planes(np.array([end])).points[0]), name)
+    beyond = end + (-1 if is_first else 1) * length / TRIAL_STATIONS
+    gap = "" if isinstance(frame, CurvedAxis) else open_at(mesh, frame, beyond)
     return (
         Warning(
             "short-surface",
             "warning",
             f"The surface covers {covered * 1e3:.1f} mm of the {length * 1e3:.1f} mm of the mesh along the axis. "
-            f"Beyond the end {place.words}, sections are open.",
+            f"Beyond the end {place.words}, sections are open{gap}.",
             place,
             covered / length,
-            "Cut away the open part, choose another axis, a sector or a face, or give the margin.",
+            "Close the hole, cut away the open part, choose another axis, a sector or a face, or give the margin.",
         ),
     )
 
@@ -480,7 +504,7 @@ class PlanesGrid:
         Raises
         ------
         InvalidPlan
-            If planes are nearly parallel, equal or not in order, or if the side of the faces is ambiguous.
+            If planes are nearly parallel, equal or do not follow each other, or if the side of the faces is ambiguous.
         """
         across = np.cross(self.u.normals[:, None], self.v.normals)
         sine = np.linalg.norm(across, axis=2)
@@ -493,9 +517,10 @@ class PlanesGrid:
         angle = np.rad2deg(np.arcsin(min(sine[i, j], 1.0)))
         warnings = (_nearly_parallel(int(i), int(j), float(angle)),) if angle < WARN_PLANE_ANGLE else ()
         points = np.array([self._line_points(i) for i in range(len(self.u))])
-        check_order(points.mean(axis=1), "u", mesh.size)
-        build = self._closed_lines if self.closed else self._open_lines
-        return replace(build(mesh, points, unit(across)), warnings=warnings)
+        order = plane_order(points.mean(axis=1), "u", mesh.size)
+        ordered = replace(self, u=self.u.at(order))
+        build = ordered._closed_lines if self.closed else ordered._open_lines
+        return replace(build(mesh, points[order], unit(across)[order]), warnings=warnings, u_names=named("u", order))
 
     def _line_points(self, i: int) -> Array:
         """Return the point of each line of u-plane ``i`` nearest to the point with least distances to all v-planes."""
@@ -536,22 +561,25 @@ class PlanesGrid:
         return LineGrid(self.u, points, directions, True, tuple(f"v-plane {j}" for j in plane))
 
     def _open_lines(self, mesh: TriangleMesh, points: Array, across: Array) -> LineGrid:
+        starts, directions = self._outward(mesh, points, across)
+        order = plane_order((starts + mesh.size * directions).mean(axis=0), "v", mesh.size)
+        starts, directions = self._outward(mesh, points[:, order], across[:, order])
+        ends, names = starts + mesh.size * directions, named("v", order)
+        turn = np.cross(ends[-1, 0] - ends[0, 0], ends[0, -1] - ends[0, 0]) @ directions[0].mean(axis=0)
+        if turn < 0:
+            starts, directions, names = starts[:, ::-1], directions[:, ::-1], names[::-1]
+        return LineGrid(self.u, starts, directions, False, names)
+
+    def _outward(self, mesh: TriangleMesh, points: Array, across: Array) -> tuple[Array, Array]:
+        """Return the starts of lines (n, m, 3) [m], behind the mesh, and their directions (n, m, 3) out of it."""
         turned = np.where((across[:, 1:] * across[:, :-1]).sum(axis=2) < 0, -1.0, 1.0)
         directions = across * np.cumprod(np.concatenate((np.ones((len(points), 1)), turned), axis=1), axis=1)[..., None]
         directions = directions * np.sign((directions * directions[:1]).sum(axis=2, keepdims=True))
         middle, mean = mesh.vertices.mean(axis=0), directions.mean(axis=(0, 1))
         if np.linalg.norm(mean) < MIN_MEAN_DIRECTION:  # they start at an axis inside the link
-            directions = directions * np.sign((middle - points.mean(axis=(0, 1))) @ mean)
-        else:
-            directions = directions * self._side(mesh, unit(mean))
-            points = points + (((middle - points) * directions).sum(axis=2) - mesh.size)[..., None] * directions
-        ends = points + mesh.size * directions
-        check_order(ends.mean(axis=0), "v", mesh.size)
-        names = numbered(len(self.v))
-        turn = np.cross(ends[-1, 0] - ends[0, 0], ends[0, -1] - ends[0, 0]) @ directions[0].mean(axis=0)
-        if turn < 0:
-            points, directions, names = points[:, ::-1], directions[:, ::-1], names[::-1]
-        return LineGrid(self.u, points, directions, False, names)
+            return points, directions * np.sign((middle - points.mean(axis=(0, 1))) @ mean)
+        directions = directions * self._side(mesh, unit(mean))
+        return points + (((middle - points) * directions).sum(axis=2) - mesh.size)[..., None] * directions, directions
 
     @staticmethod
     def _side(mesh: TriangleMesh, mean: Array) -> float:
@@ -576,20 +604,35 @@ def _nearly_parallel(i: int, j: int, angle: float) -> Warning:
     )
 
 
-def check_order(points: Array, name: str, size: float) -> None:
-    """Check that planes follow each other; otherwise the surface would fold."""
-    steps = np.diff(points, axis=0)
-    back = np.append(False, (steps[1:] * steps[:-1]).sum(axis=1) < 0) if len(steps) else np.zeros(0, bool)
-    wrong = np.flatnonzero(back | (np.linalg.norm(steps, axis=1) < SAME_PLANE_FRACTION * size))
-    if len(wrong):
-        i = int(wrong[0])
+def plane_order(points: Array, name: str, size: float) -> IntArray:
+    """Return the order (k,) in which planes at points (k, 3) [m] follow each other: that of the author if they do."""
+    order = np.arange(len(points))
+    if _step_back(points).any():
+        away = points - points.mean(axis=0)
+        along = away @ np.linalg.svd(away)[2][0]
+        order = np.argsort(along * (np.sign(along @ (order - order.mean())) or 1.0), kind="stable")
+    steps = np.linalg.norm(np.diff(points[order], axis=0), axis=1)
+    same, back = np.flatnonzero(steps < SAME_PLANE_FRACTION * size), np.flatnonzero(_step_back(points[order]))
+    if len(same) or len(back):
+        i = int((*same, *back)[0])
+        first, second = (int(k) for k in sorted(order[i : i + 2]))
+        relation = "is the same as" if len(same) else "does not lie beyond"
         raise InvalidPlan(
-            f"{name}-plane {i + 1} does not lie beyond {name}-plane {i}. List them in their order on the mesh.",
-            plane=i + 1,
+            f"{name}-plane {second} {relation} {name}-plane {first}. {'Remove one.' if len(same) else 'Move one.'}",
+            plane=second,
+            before=first,
             family=name,
         )
+    return order
 
 
-def numbered(count: int) -> tuple[str, ...]:
-    """Return the names of v-planes in messages."""
-    return tuple(f"v-plane {j}" for j in range(count))
+def _step_back(points: Array) -> BoolArray:
+    """Return which steps from point to point (k, 3) go back against the step before, (k - 1,)."""
+    steps = np.diff(points, axis=0)
+    back: BoolArray = np.append(False, (steps[1:] * steps[:-1]).sum(axis=1) < 0)[: len(steps)]
+    return back
+
+
+def named(family: str, order: IntArray) -> tuple[str, ...]:
+    """Return the names of planes in messages, by their places in the lists of the author."""
+    return tuple(f"{family}-plane {k}" for k in order)

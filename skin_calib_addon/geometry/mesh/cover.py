@@ -1,7 +1,7 @@
 """From a link's mesh to its cover: keep what is outside, and cut it with planes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -70,6 +70,15 @@ def cut_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
                 "Reverse the normal, or move the plane."
             ) from error
     return outer_shells(mesh) if spec.shell == "outer" else mesh
+
+
+def inner_parts(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh | None:
+    """Return the shells that ``cut_cover`` leaves out as inner parts; None without any."""
+    if spec.shell != "outer":
+        return None
+    whole = cut_cover(mesh, replace(spec, shell="all"))
+    inner = ~is_outer(whole)
+    return TriangleMesh(whole.vertices, whole.faces[inner]) if inner.any() else None
 
 
 @lru_cache(maxsize=4)  # while cuts move, the mesh is the same

@@ -4,8 +4,8 @@ import numpy as np
 from scipy import ndimage
 
 from ...common.arrays import Array
+from .face_points import sample_faces
 from .triangle_mesh import TriangleMesh
-from .visibility import sample_faces
 
 # [1] cells of a field at which they become larger. Larger: large links are more exact and take longer.
 MAX_FIELD_CELLS = 2_000_000

@@ -3,12 +3,13 @@
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial import ConvexHull, Delaunay, QhullError, cKDTree
+from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from ...common.arrays import Array, BoolArray, IntArray, locked
 from ..components import components
+from .distance import closest, dots
+from .face_points import points_at, points_by_area, sample_faces
 from .triangle_mesh import TriangleMesh
-from .visibility import sample_faces
 
 # [fraction of the area] A shell with more of its area inside the hull of the shells kept so far is an inner part.
 # Larger: more inner parts are kept.
@@ -19,9 +20,14 @@ HULL_TOLERANCE = 1e-6
 # [fraction of the distance from the middle] by which a shell must be outside the hull of those kept so far to make it
 # larger. Larger: faster for links with many parts, and less exact.
 HULL_GROWTH = 1e-4
-# [fraction of the root of the area of a shell] distance of the points that are inside the hull or not. Larger: less
-# accurate fractions, which depend on the faces.
-SHELL_PART_FRACTION = 0.03
+# [fraction of the area of the mesh] from which a shell can make this hull larger. Larger: stray faces cost less, and
+# what is inside of small parts that stick out is kept.
+HULL_AREA = 1e-3
+# [1] points, even by area, that are inside the hull or not. Larger: more accurate fractions, more time.
+PART_POINTS = 1000
+# [fraction of the root of the area of the mesh] distance of these points for smaller shells, each face having at least
+# one. Larger: less accurate fractions, less time.
+SMALL_PART_FRACTION = 0.003
 # [largest coordinate] distance up to which vertices are the same for shells: rounding to single precision moves two
 # equal points apart by up to 0.87 of it. Larger: narrow gaps between parts are closed.
 ROUNDING = 2.0**-22
@@ -84,45 +90,47 @@ def are_outer(mesh: TriangleMesh, shell: IntArray) -> BoolArray:
     """Return which faces belong to an outer shell, shape (f,), read-only."""
     if (shell == shell[0]).all():
         return locked(np.ones(len(shell), bool))
-    largest, *others = np.argsort(-np.bincount(shell, mesh.face_areas), kind="stable")
-    kept = shell == largest
-    hull = convex_hull(mesh.triangles[kept].reshape(-1, 3)) if others else None
+    areas = np.bincount(shell, mesh.face_areas)
+    largest, *others = np.argsort(-areas, kind="stable")
+    kept = np.arange(len(areas)) == largest
+    hull = convex_hull(mesh.triangles[shell == largest].reshape(-1, 3))
     for i in others:
-        faces = np.flatnonzero(shell == i)
-        if fraction_inside(hull, mesh, faces) < INNER_AREA_FRACTION:
-            kept[faces] = True
-            corners = mesh.triangles[faces].reshape(-1, 3)
+        if areas[i] < HULL_AREA * areas.sum():
+            break
+        part = TriangleMesh(mesh.vertices, mesh.faces[shell == i])
+        points = points_at(part, *points_by_area(part, PART_POINTS))
+        kept[i] = hull is None or is_inside(hull, points, -HULL_TOLERANCE).mean() < INNER_AREA_FRACTION
+        if kept[i]:
+            corners = part.triangles.reshape(-1, 3)
             if hull is None:
-                hull = convex_hull(mesh.triangles[kept].reshape(-1, 3))
+                hull = convex_hull(mesh.triangles[kept[shell]].reshape(-1, 3))
             elif not is_inside(hull, corners, HULL_GROWTH).all():
-                hull = convex_hull(np.concatenate((hull.points, corners)))
-    return locked(kept)
+                hull = convex_hull(np.concatenate((hull.vertices, corners)))
+    is_small = (areas > 0) & (areas < HULL_AREA * areas.sum())
+    if is_small.any():
+        faces = np.flatnonzero(is_small[shell])
+        distance = SMALL_PART_FRACTION * float(np.sqrt(areas.sum()))
+        points, face, weights = sample_faces(TriangleMesh(mesh.vertices, mesh.faces[faces]), distance)
+        inside = np.zeros(len(points)) if hull is None else is_inside(hull, points, -HULL_TOLERANCE)
+        inner = np.bincount(shell[faces[face]], weights * inside, len(areas))
+        kept[is_small] = (inner < INNER_AREA_FRACTION * areas)[is_small]
+    return locked(kept[shell])
 
 
-def fraction_inside(hull: Delaunay | None, mesh: TriangleMesh, faces: IntArray) -> float:
-    """Return the fraction of the area of some faces that is inside a convex hull; 1 for faces without area."""
-    shell = TriangleMesh(mesh.vertices, mesh.faces[faces])
-    if shell.face_areas.sum() == 0:
-        return 1.0
-    if hull is None:
-        return 0.0
-    if is_inside(hull, shell.triangles.reshape(-1, 3), -HULL_TOLERANCE).all():
-        return 1.0
-    # Many points, so that the fraction does not depend on the size of the faces.
-    points, _, areas = sample_faces(shell, SHELL_PART_FRACTION * float(np.sqrt(shell.face_areas.sum())))
-    return float(areas[is_inside(hull, points, -HULL_TOLERANCE)].sum() / areas.sum())
-
-
-def is_inside(hull: Delaunay, points: Array, growth: float) -> BoolArray:
+def is_inside(hull: TriangleMesh, points: Array, growth: float) -> BoolArray:
     """Return which points are inside a hull of another size, shape (k,)."""
-    middle = hull.points.mean(axis=0)
-    inside: BoolArray = hull.find_simplex(middle + (1 - growth) * (points - middle)) >= 0
+    middle = hull.vertices.mean(axis=0)
+    points = middle + (1 - growth) * (points - middle)
+    nearest = closest(hull, points)[2]
+    # Of a point outside, the nearest point of a convex body is on the side of the middle, and inside it is not.
+    inside: BoolArray = dots(points - nearest, nearest - middle) <= 0
     return inside
 
 
-def convex_hull(points: Array) -> Delaunay | None:
-    """Return the convex hull of points (k, 3) as tetrahedra; None if the points are flat."""
+def convex_hull(points: Array) -> TriangleMesh | None:
+    """Return the convex hull of points (k, 3); None if the points are flat."""
     try:
-        return Delaunay(points[ConvexHull(points).vertices])
+        hull = ConvexHull(points)
     except QhullError:
         return None
+    return TriangleMesh(points[hull.vertices], np.searchsorted(hull.vertices, hull.simplices))

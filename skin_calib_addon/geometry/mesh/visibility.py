@@ -10,7 +10,8 @@ from functools import cache, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ...common.arrays import Array, BoolArray, IntArray, freeze, ranges, unit
+from ...common.arrays import Array, BoolArray, IntArray, freeze, unit
+from .face_points import sample_faces
 from .triangle_mesh import TriangleMesh
 
 # [1] directions in which the buffers look, half of them; each buffer is looked at from both ends. More: narrower
@@ -180,33 +181,3 @@ def point_distance(mesh: TriangleMesh) -> float:
     # The number of points is at most about area / distance^2 + length / distance, plus one for each face.
     wanted = min(FACE_POINT_DISTANCE, SMALL_POINT_DISTANCE * mesh.size)
     return max(wanted, (length + np.sqrt(length**2 + 4 * MAX_POINTS * area)) / (2 * MAX_POINTS))
-
-
-def sample_faces(mesh: TriangleMesh, distance: float) -> tuple[Array, IntArray, Array]:
-    """Return points (k, 3) spread over the faces, at least one on each, their face, and the area [m^2] of each.
-
-    Along its longest side a face has columns of equal width; each column has points at equal distances. So narrow faces
-    have points up to their tips.
-    """
-    triangles, f = mesh.triangles, np.arange(len(mesh.faces))
-    squares = [np.square(triangles[:, (k + 1) % 3] - triangles[:, k]).sum(axis=1) for k in range(3)]
-    first = np.argmax(squares, axis=0)
-    a, b, c = (triangles[f, (first + k) % 3] for k in range(3))
-    length = mesh.longest_sides
-    foot = np.clip(np.einsum("fc,fc->f", c - a, b - a) / length**2, 0, 1)
-    height = 2 * mesh.face_areas / length
-    columns = np.maximum(np.ceil(length / distance).astype(np.int64), 1)
-    of = np.repeat(f, columns)  # face of each column
-    x = (ranges(0, columns) + 0.5) / columns[of]
-    # Height of the triangle over the middle of the column, as a fraction of its largest height.
-    top = np.minimum(x / np.maximum(foot[of], x), (1 - x) / np.maximum(1 - foot[of], 1 - x))
-    rows = np.maximum(np.ceil(top * height[of] / distance).astype(np.int64), 1)
-    column = np.repeat(np.arange(len(of)), rows)
-    y = (ranges(0, rows) + 0.5) / rows[column] * top[column]
-    face = of[column]
-    of_b = x[column] - y * foot[face]
-    points = np.column_stack(
-        [(1 - of_b - y) * p[face] + of_b * q[face] + y * r[face] for p, q, r in zip(a.T, b.T, c.T)]
-    )
-    weights = (top / rows)[column]
-    return points, face, weights * (mesh.face_areas / np.bincount(face, weights, len(f)))[face]

@@ -23,6 +23,7 @@ class LineGrid:
     v_names: tuple[str, ...]  # name of each v-line in messages
     warnings: tuple[Warning, ...] = ()  # about the placement of the planes
     centre: Array | None = None  # (3,) point of the mesh at the middle of the region [m]
+    u_names: tuple[str, ...] = ()  # name of each u-plane in messages; empty: by their order
     # Whether points (..., 3) are inside the boundary; None: there is none.
     region: Callable[[Array], BoolArray] | None = None
 
@@ -31,3 +32,5 @@ class LineGrid:
         freeze(self, origins=(n, m, 3), directions=(n, m, 3))
         if self.centre is not None:
             freeze(self, centre=(3,))
+        if not self.u_names:
+            object.__setattr__(self, "u_names", tuple(f"u-plane {i}" for i in range(n)))

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...common.arrays import Array, freeze, unit
+from ...common.arrays import Array, IntArray, freeze, unit
 
 # [1] deviation of a normal's length from one below which it is left unchanged, so that saving and reading a plan does
 # not change it. Larger: normals that are not quite of unit length.
@@ -28,6 +28,10 @@ class Planes:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def at(self, order: IntArray) -> "Planes":
+        """Return the planes at some places of the list."""
+        return Planes(self.points[order], self.directions[order])
 
     def are_parallel(self) -> bool:
         """Return whether all normals are equal to the bit, as in a grid made from one axis."""

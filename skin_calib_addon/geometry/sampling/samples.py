@@ -57,6 +57,16 @@ class RaySamples:
         """Return which rays pass through holes of the mesh, shape (k, l): next to a boundary they only miss its rim."""
         return self.missed if self.outside is None else self.missed & ~ndimage.binary_dilation(self.outside)
 
+    def beside(self, closed: bool) -> BoolArray:
+        """Return which missed rays pass beside the mesh, (k, l): those connected to an open edge without a boundary."""
+        if self.outside is not None:
+            return np.zeros(self.residuals.shape, bool)
+        edge, turns = np.zeros(self.residuals.shape, bool), 2 if closed else 1
+        edge[[0, -1]] = True
+        edge[:, [0, -1]] |= not closed
+        found = ndimage.binary_propagation(np.tile(edge & self.missed, turns), mask=np.tile(self.missed, turns))
+        return np.asarray(found.reshape(len(edge), turns, -1).any(axis=1))
+
     @property
     def missing(self) -> float:
         """Return the fraction of the rays inside the boundary that are missed; 1 if all are outside."""

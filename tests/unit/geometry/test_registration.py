@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.geometry import registration
 from skin_calib_addon.geometry.mesh.distance import closest
-from skin_calib_addon.geometry.mesh.visibility import sample_faces
+from skin_calib_addon.geometry.mesh.face_points import sample_faces
 from skin_calib_addon.geometry.registration import (
     ON_MESH_DISTANCE,
     find_frame,

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from skin_calib_addon.common.errors import CalibrationFormatError, UnknownLink
-from skin_calib_addon.geometry.mesh.visibility import sample_faces
+from skin_calib_addon.geometry.mesh.face_points import sample_faces
 from skin_calib_addon.robot.keep_out import CLEARANCE, FIXED_PARTS, KeepOut, paths_from
 from skin_calib_addon.robot.kinematics import link_poses
 from skin_calib_addon.robot.urdf import Joint, Robot, read_robot

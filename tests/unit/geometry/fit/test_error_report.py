@@ -13,7 +13,7 @@ from skin_calib_addon.geometry.fit.error_report import VertexFeet, is_inside, me
 from skin_calib_addon.geometry.fit.fitting import fit_lines
 from skin_calib_addon.geometry.grid.grids import Grid, Size, Tube
 from skin_calib_addon.geometry.mesh.distance import closest
-from skin_calib_addon.geometry.mesh.visibility import sample_faces
+from skin_calib_addon.geometry.mesh.face_points import sample_faces
 from skin_calib_addon.geometry.surface.distance import is_sampled
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from tests.examples import examples

@@ -15,6 +15,7 @@ from skin_calib_addon.geometry.grid.axis import (
     frame_of,
     section_circles,
     stations_between,
+    symmetry_notes,
     tube_frame,
 )
 from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover
@@ -295,3 +296,15 @@ def test_axis_of_arrays_is_that_of_tuples():
     tuples, arrays = Axis((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), Axis(np.zeros(3), [0.0, 0.0, 1.0])
     mesh = cylinder(around=24, along=12)
     assert tuples == arrays and tube_frame(mesh, arrays) is tube_frame(mesh, tuples)
+
+
+def test_sides_that_one_vertex_exchanges_are_named():
+    """An elliptic tube of 0.2 % more on one side; equal sides, and sides that differ, need no note."""
+
+    def notes(more):
+        mesh = round_tube(lambda a, h: 0.03 + 0.005 * np.cos(2 * a) + more * np.maximum(np.cos(a), 0), 48, 8)
+        return symmetry_notes(mesh, Z_AXIS)
+
+    assert not notes(0.0) and not notes(2e-3)
+    (note,) = notes(1e-5)
+    assert note.severity == "note" and 0 < note.value < 1e-3 and "at 0 and 180 degrees" in note.message

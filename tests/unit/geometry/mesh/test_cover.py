@@ -10,7 +10,7 @@ from skin_calib_addon.geometry.mesh import shells as shells_module
 from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, shells_after
 from skin_calib_addon.geometry.mesh.shells import shells
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, weld
-from tests.shapes import RADIUS, Motion, box, cylinder, keep, same_mesh, together, welded, wrist
+from tests.shapes import LENGTH, RADIUS, TURN, Motion, box, cylinder, keep, same_mesh, together, welded, wrist
 
 INNER = box((-0.01, -0.01, 0.03), (0.01, 0.01, 0.07))  # a servo inside the tube
 NEAR = box((0.05, -0.01, 0.03), (0.06, 0.01, 0.07))  # a bracket outside of it
@@ -196,3 +196,14 @@ def test_faces_with_corners_of_their_own_are_one_shell(part):
     apart = weld(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
     assert shells(apart).max() == 0 and len(apart.vertices) > 1.2 * len(mesh.vertices)
     assert same_mesh(cut_cover(apart, CoverSpec("outer")), apart)
+
+
+@pytest.mark.parametrize("radius", [0.9 * RADIUS, 1.1 * RADIUS])
+def test_stray_faces_are_outer_shells_where_they_are_outside(radius):
+    """Of hundreds of small ones, each counts by its own place, and none makes the hull larger."""
+    angle, height = TURN * np.arange(300) / 300, LENGTH * (0.1 + 0.8 * (np.arange(300) % 7) / 7)
+    centre = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), height))
+    corners = centre[:, None] + 1e-4 * np.eye(3)
+    stray = TriangleMesh(corners.reshape(-1, 3), np.arange(900).reshape(-1, 3))
+    kept = cut_cover(together(cylinder(), stray), CoverSpec("outer"))
+    assert len(kept.faces) == len(cylinder().faces) + 300 * (radius > RADIUS)

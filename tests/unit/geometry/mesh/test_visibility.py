@@ -4,15 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from skin_calib_addon.geometry.mesh.face_points import sample_faces
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, weld
-from skin_calib_addon.geometry.mesh.visibility import (
-    MAX_POINTS,
-    are_seen,
-    depth_buffers,
-    point_distance,
-    sample_faces,
-    visibility,
-)
+from skin_calib_addon.geometry.mesh.visibility import MAX_POINTS, are_seen, depth_buffers, point_distance, visibility
 from tests.shapes import box, cylinder, same_mesh, sheet, shuffled, subdivided, together, turned, welded, wrist
 
 
