@@ -56,7 +56,8 @@ def run(options: argparse.Namespace) -> int:
             "a contact must end at a lower force than it begins"
         )
     skin = load(options.file, options.on, options.off)
-    recorded = list(read_recording(options.readings))
+    recording = read_recording(options.readings, skin)
+    recorded = list(recording.frames)
     if options.tare > len(recorded):
         raise CalibrationFormatError(
             f"'{options.readings}' has {len(recorded)} frames, fewer than the {options.tare} of --tare. Use fewer."
@@ -79,6 +80,11 @@ def run(options: argparse.Namespace) -> int:
     if options.output:
         lines = [json.dumps(frame_document(frame), separators=(",", ":"), allow_nan=False) for frame in frames]
         write_bytes_safely(options.output, ("\n".join(lines) + "\n").encode())
+    if recording.has_more:
+        complain(
+            f"warning: the recording has more numbers than the skin needs ({recording.columns}). "
+            "Check that no counter, time or total is among the channels."
+        )
     for name in skin.modalities:
         if name not in others:
             complain(f"warning: the recording has no readings of {name}, which the calibration has")
@@ -88,11 +94,11 @@ def run(options: argparse.Namespace) -> int:
         complain(f"warning: frames are {step:g} s apart (median): time must be in seconds")
     for flag, times in sorted(Counter(flag for frame in frames for flag in frame.flags).items()):
         complain(f"warning: {flag} in {times} of {len(frames)} frames")
-    say(_summary(skin, frames))
+    say(_summary(skin, frames, recording.columns))
     return DONE
 
 
-def _summary(skin: Skin, frames: list[Frame]) -> str:
+def _summary(skin: Skin, frames: list[Frame], columns: str) -> str:
     numbers = {c.number for frame in frames for c in frame.contacts}
     touched = [frame for frame in frames if frame.touched]
     forces = [sum(c.force for c in frame.contacts) for frame in touched]
@@ -100,6 +106,7 @@ def _summary(skin: Skin, frames: list[Frame]) -> str:
     most = max(len(frame.contacts) for frame in frames)
     lines = [
         f"link             {skin.link}, {len(skin.ids)} taxels",
+        f"columns          {columns}",
         f"frames           {len(frames)}, {frames[-1].time - frames[0].time:.3f} s",
         f"contacts         {len(numbers)}, at most {most} at a time, in {len(touched)} frames",
     ]
