@@ -335,7 +335,7 @@ class Skin:
             flags |= self._readings.flags(raw, signals.known)
             if not np.count_nonzero(signals.known):
                 return self._unknown(time, flags | {"blind"}, "no taxel has a valid reading", modalities)
-        if not flags.isdisjoint(NO_PAST):
+        if not self._clock.has_past(time):
             self._forget()
         unchanged = self._faults.unchanged(raw)
         is_new = bool(np.count_nonzero(unchanged) < len(unchanged))
@@ -450,7 +450,8 @@ class Skin:
     def _unknown(
         self, time: float, flags: frozenset[str], problem: str, modalities: Mapping[str, ModalityValues]
     ) -> Frame:
-        """Return the frame of a reading of force that cannot be used; the state of the skin does not change."""
+        """Return the frame of a reading of force that cannot be used; only the clock of the skin changes."""
+        self._clock.accept(time, is_valid=False)
         n = len(self.ids)
         nothing = np.zeros(n, bool)
         unknown = np.full(6, np.nan)

@@ -87,7 +87,7 @@ def test_missing_numbers_are_flagged_not_refused(calibration, tmp_path, capsys):
     out = tmp_path / "out.jsonl"
     assert main(["replay", str(calibration), str(path), "-o", str(out), "--on", "0.2"]) == 0
     frames_out = [json.loads(line) for line in out.read_text().splitlines()]
-    assert [t["flags"] for t in frames_out] == [[], ["not_finite"], ["wrong_length"], ["dropped"]]
+    assert [t["flags"] for t in frames_out] == [[], ["not_finite"], ["wrong_length"], []]
     assert (
         frames_out[2]["wrench"] is None and frames_out[2]["touched"] is None and "needs 42" in frames_out[2]["reason"]
     )
