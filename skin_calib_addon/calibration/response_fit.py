@@ -33,8 +33,8 @@ READING_GAP = 0.2  # fraction of the range of readings. Larger: fewer warnings a
 HYSTERESIS_FRACTION = 0.01
 # [standard errors] of this difference that it must exceed, too. Larger: fewer warnings.
 HYSTERESIS_STANDARD_ERRORS = 4.0
-# [1] Fraction of the measurements at which the force turns, from which on a large scatter is no hysteresis: of forces in
-# any order the larger ones follow a rise. Larger: more scatter is called hysteresis.
+# [1] Fraction of the measurements at which the force turns, from which on a large scatter is no hysteresis: of forces
+# in any order the larger ones follow a rise. Larger: more scatter is called hysteresis.
 MAX_TURNS = 1 / 3
 HYSTERESIS_BINS = 8  # intervals of readings in which loading and unloading are compared. Larger: fewer pairs in each.
 POOR_RESIDUAL_FRACTION = 0.3  # of the standard deviation of the forces. Larger: fewer warnings about poor fits.
@@ -282,7 +282,9 @@ def _warnings(
             value=float(difference),
         )
     if rest > limit:
-        message = f"At the same reading the {quantity} scatters by {rest:.3g} {unit} (rms), {rest / span:.0%} of its range."
+        message = (
+            f"At the same reading the {quantity} scatters by {rest:.3g} {unit} (rms), {rest / span:.0%} of its range."
+        )
         if rest > INDEPENDENT_RESIDUAL_FRACTION * forces[used].std():
             message = f"The readings hardly depend on the {quantity}."
         yield Warning(

@@ -47,8 +47,10 @@ def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
     for placement in found:
         order, is_certain = placement.other_order
         if is_certain:
-            raise InvalidPlan(f"the touches of skin {placement.patch.name!r} fit another order of its channels: {order}. "
-                "Correct the channels first.")
+            raise InvalidPlan(
+                f"the touches of skin {placement.patch.name!r} fit another order of its channels: {order}. "
+                "Correct the channels first."
+            )
     skins = plan.skins
     for _ in range(MAX_REFINE_STEPS):
         motions = {placement.patch.name: _motion(placement) for placement in found}

@@ -31,15 +31,15 @@ MIN_SIGNIFICANCE = 2.0
 OUTLIER_FACTOR = 3.0
 # ... if it is farther off than this number of cells, too. Larger: fewer outliers.
 OUTLIER_CELLS = 1.5
-# [1] Misfit of a touch that is nowhere near the taxel that felt it, as a logarithm of odds. Larger: fewer touches decide
-# which order of the channels is right.
+# [1] Misfit of a touch that is nowhere near the taxel that felt it, as a logarithm of odds. Larger: fewer touches
+# decide which order of the channels is right.
 MAX_MISFIT = 6.0
 # [1] Another order of the channels is right if it reduces the misfit by this much. Larger: needs more touches.
 ORDER_GAIN = 8.0
 # [1] Fraction of the touches that it must explain. Larger: fewer orders of files with many wrong channels are named.
 MIN_EXPLAINED = 2 / 3
-# [m, rad] Usual displacement and rotation of a glued skin. Larger: a displacement of a cell is a lesser reason to assume
-# another order.
+# [m, rad] Usual displacement and rotation of a glued skin. Larger: a displacement of a cell is a lesser reason to
+# assume another order.
 USUAL_SHIFT, USUAL_TURN = 5e-3, np.deg2rad(5.0)
 # Median height of touches above or below the taxels from which on a warning is given [m]: half of the distance at which
 # a single touch is an error. Larger: fewer warnings.
@@ -180,7 +180,7 @@ class Placement:
         """Misfit (m,) of each touch after the motion: 0 in the cell, at most `MAX_MISFIT`.
 
         It is the square of the distance in standard deviations of a place in the cell, less that of a corner. A wrench
-        that pulls at the skin, if most of them push, or the other way round, belongs to another side of the link.
+        whose direction differs from that of most others, inward or outward, belongs to another side of the link.
         """
         misfit = np.clip((self._far / self.expected_rms) ** 2 - 3.0, 0.0, MAX_MISFIT)
         pull = np.sign((self.directions * self.patch.taxels.normals_link[self.rows]).sum(axis=1))
@@ -201,9 +201,7 @@ class Placement:
             if (rows == self.rows).all() or not (is_far or given > ORDER_GAIN):
                 continue
             found = rows >= 0
-            other = _placement(
-                self.patch, self.lines[found], rows[found], self.places[found], self.directions[found]
-            )
+            other = _placement(self.patch, self.lines[found], rows[found], self.places[found], self.directions[found])
             left_out = len(rows) - len(other.rows)
             cost = _cost(other, left_out)
             if (other.misfit < MAX_MISFIT).sum() < MIN_EXPLAINED * len(rows):
@@ -256,9 +254,7 @@ def _placement(patch: Patch, lines: IntArray, rows: IntArray, points: Array, dir
     axes = np.concatenate((patch.taxels.axes_link[rows], normals[:, None]), axis=1)
     offsets = (axes @ (places - centres)[:, :, None])[:, :, 0]
     offsets[is_line, 2] = np.nan
-    return Placement(
-        patch, lines[known], rows[known], places[known], offsets[known], directions[known], lines[~known]
-    )
+    return Placement(patch, lines[known], rows[known], places[known], offsets[known], directions[known], lines[~known])
 
 
 def _robust(design: Array, offsets: Array, far: float) -> tuple[Array, Array]:
@@ -352,7 +348,11 @@ def other_orders(patch: Patch, rows: IntArray) -> Iterator[tuple[str, IntArray, 
     row_at = np.empty((height, width), np.int64)
     row_at[tuple(taxels.index.T)] = np.arange(len(taxels.ids))
     i, j = taxels.index[rows].T
-    for by, words in ((-1, "columns off by one"), (1, "columns off by one"), (width // 2, "halves of the rows swapped")):
+    for by, words in (
+        (-1, "columns off by one"),
+        (1, "columns off by one"),
+        (width // 2, "halves of the rows swapped"),
+    ):
         yield words, row_at[i, (j + by) % width], True
     number = i * width + j
     for by_columns, turns, flip_rows, flip_columns in product((False, True), repeat=4):

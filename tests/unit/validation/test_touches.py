@@ -266,6 +266,7 @@ def test_tables_are_read_by_their_names(tmp_path):
     found = read(tmp_path, [("# robot 3",), ("note", "Z", "x", "Y", "Taxel"), ("a", 0.3, 0.1, 0.2, "s1.2")])
     assert found.taxels == ("s1.2",) and found.lines.tolist() == [3]
     assert found.points.tolist() == [[0.1, 0.2, 0.3]] and not found.directions.any()
+    assert found.unused == ("note",)
     assert read(tmp_path, [("channel", "x", "y", "z"), (14, 0, 0, 0)]).taxels == ("s1.2",)
 
 
@@ -277,7 +278,7 @@ def test_tables_are_read_by_their_names(tmp_path):
             [("taxel", "x", "y", "z"), ("s1.22", 0, 0, 0)],
             'line 2, column 1: the calibration has no taxel "s1.22"',
         ),
-        ([("channel", "x", "y", "z"), (900, 0, 0, 0)], 'line 2, column 1: the calibration has no channel "900"'),
+        ([("channel", "x", "y", "z"), (72, 0, 0, 0)], 'has no channel "72"; its channels are 0 to 71'),
         ([("taxel", "x", "y", "z"), ("s1.2", 0, "nan", 0)], "line 2, column 3: "),
         ([("taxel", "x", "y", "z"), ("s1.2", 0, 31.5, 0)], "divide millimetres by 1000"),
         ([("taxel", "fx", "fy", "fz", "tx", "ty")], 'the header names no column "tz"'),
