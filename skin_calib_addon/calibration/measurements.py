@@ -72,16 +72,17 @@ def read_measurements(
         line, header = next(table, (1, [""]))
         columns = [find_column(header, name, line) for name in ("reading", quantity)]
         owner = TaxelColumn.of(header, line, calibration) if {"taxel", "channel"} & set(header) else None
-        unused = names_without(header, columns, owner and owner.place)
+        unused = names_without(header, columns if owner is None else [*columns, owner.place])
         for line, row in table:
-            taxel = owner and owner.taxel(row, line)
+            taxel = None if owner is None else owner.taxel(row, line)
             reading, force = (_number(row, column, line) for column in columns)
             rows.append((taxel, reading, force))
         if not rows:
             raise TableError(line, "the table has no row below its header", 1)
     order = {taxel: k for k, taxel in enumerate(dict.fromkeys(row[0] for row in rows))}
     parts = groupby(sorted(rows, key=lambda row: order[row[0]]), key=lambda row: row[0])
-    return tuple(Measurements(taxel, *np.array([row[1:] for row in part]).T, unused) for taxel, part in parts)
+    measured = ((taxel, np.array([row[1:] for row in part]).T) for taxel, part in parts)
+    return tuple(Measurements(taxel, readings, forces, unused) for taxel, (readings, forces) in measured)
 
 
 def _number(row: list[str], column: int, line: int) -> float:

@@ -23,7 +23,7 @@ from .modalities import Modalities, ModalityValues, force_of, without_force
 from .noise import Noise
 from .plane import Plane, ground_of
 from .readings import Readings, Signals, force_sigmas
-from .rest import Rest, is_rest
+from .rest import Rest, contacts_during, is_rest
 from .touched import (
     Evidence,
     Streak,
@@ -253,9 +253,19 @@ class Skin:
         Raises
         ------
         InvalidReading
-            As for :meth:`forces`; the baseline does not change.
+            As for :meth:`forces`, and if one of 8 or more frames has a contact that others do not have. The baseline
+            does not change. A constant force on all frames cannot be told from an offset.
         """
         rows, is_whole = self._readings.at_rest(readings)
+        alive = np.where(self._readings.alive, rows, np.nan)
+        forces = contacts_during(alive, self._readings.responses, is_whole)
+        if len(forces) and (most := float(forces.max())) >= self.switch_on:
+            raise InvalidReading(
+                f"the {len(rows)} readings for a tare are not at rest: the force changes by {most:.2g} N on "
+                f"{self.ids[forces.argmax()]}. Use readings without contact, or mask the taxel if it is defective",
+                flag="not_at_rest",
+                force=most,
+            )
         self._faults.byte_order.learn(rows)
         self._readings.learn(rows, is_whole)
         self._rest = None if self._has_thresholds or self.noise is not None else Rest()

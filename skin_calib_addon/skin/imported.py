@@ -69,7 +69,7 @@ class ImportedTaxels:
         """Return these taxels on a link of a robot, with a warning if the file names another one."""
         if self.link is None or _words(self.link) <= _words(link) or _words(link) <= _words(self.link):
             return self
-        message = f"names the link {show(self.link)}, but the plan is of the link {show(link)}; check that it is the right file"
+        message = f"names the link {show(self.link)}, but the plan is of the link {show(link)}; check the file"
         return replace(self, findings=(warning("other-link", "the file", message, self.link), *self.findings))
 
 

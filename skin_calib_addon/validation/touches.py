@@ -56,7 +56,7 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
         table = read_named_rows(read_text(path))
         line, header = next(table, (1, [""]))
         owner, columns = TaxelColumn.of(header, line, calibration), _columns(header, line)
-        unused = names_without(header, columns, owner.place)
+        unused = names_without(header, [*columns, owner.place])
         for line, row in table:
             names.append(owner.taxel(row, line))
             lines.append(line)

@@ -247,6 +247,22 @@ def with_proximity(calibration, tmp_path):
     return path
 
 
+def test_tare_under_load_is_refused_or_named(calibration, tmp_path, capsys):
+    """A foot that steps during it is refused. One that stands still gives an offset that the summary states."""
+    rng, steps = np.random.default_rng(1), np.maximum(np.sin(np.arange(90) / 4), 0)[:, None]
+    time, rows = 0.03 * np.arange(90), 10 * steps + rng.normal(0, 0.05, (90, N))
+    out = tmp_path / "out.jsonl"
+    path = as_csv(tmp_path / "r.csv", time, rows)
+    assert main(["replay", str(calibration), str(path), "--tare", "40", "-o", str(out)]) == 1
+    assert "r.csv', frames of --tare: the 40 readings for a tare are not at rest: the" in capsys.readouterr().err
+    assert not out.exists()
+    rows[:30] = 10 + rng.normal(0, 0.05, (30, N))
+    assert main(["replay", str(calibration), str(as_csv(path, time, rows)), "--tare", "30"]) == 0
+    said = capsys.readouterr()
+    assert "rest             30 frames; 4" in said.out and "in total count as offset, at most 10." in said.out
+    assert "of 90 frames: something may have pressed during those of --tare" in said.err
+
+
 def test_replay_takes_modalities_of_an_npz_file(calibration, tmp_path, capsys):
     """Arrays with the names of modalities; the frames have their values, null where unknown. Others do not count."""
     time, rows = readings(3)
