@@ -254,7 +254,7 @@ class Skin:
         ------
         InvalidReading
             As for :meth:`forces`, and if one of 8 or more frames has a contact that others do not have. The baseline
-            does not change. A constant force on all frames cannot be told from an offset.
+            does not change. A constant force on all frames counts as an offset.
         """
         rows, is_whole = self._readings.at_rest(readings)
         alive = np.where(self._readings.alive, rows, np.nan)
