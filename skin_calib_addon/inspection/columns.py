@@ -150,7 +150,8 @@ def _by_order(names: Sequence[str], others: Sequence[int], channels: Sequence[in
     """Return the column of each channel by the order of the columns, if their number fits."""
     chosen, need = [k for k in others if names[k] and not _is_other(names[k])], max(channels) + 1
     families = _families(names, chosen)
-    odd = [names[k] for k in chosen if not any(k in members.values() for members in families.values())]
+    numbered = {k for members in families.values() for k in members.values()}
+    odd = [names[k] for k in chosen if k not in numbered]
     advice = f"Name the columns of the channels channel_0 to channel_{need - 1}"
     if len(chosen) != need:
         which = listed(odd if families and odd else [names[k] for k in chosen]) or "none"
@@ -165,7 +166,8 @@ def _by_order(names: Sequence[str], others: Sequence[int], channels: Sequence[in
             raise ColumnsError(f"has columns {show(stem)} that are not in the order of their numbers. {advice}")
         ends = [values for values in zip(*numbers) if len(set(values)) > 1]
         if len(ends) == 1 and max(ends[0]) - min(ends[0]) >= len(numbers):
-            gap = next(number for number in range(min(ends[0]), max(ends[0])) if number not in ends[0])
+            have = set(ends[0])
+            gap = next(number for number in range(min(have), max(have)) if number not in have)
             raise ColumnsError(f"has columns {show(stem)} without the number {gap}. {advice}")
     return dict(enumerate(chosen)), ", in their order"
 
@@ -176,7 +178,10 @@ def _families(names: Sequence[str], columns: Sequence[int]) -> dict[str, dict[tu
     for k in columns:
         numbers = tuple(int(digits[:18]) for digits in re.findall(r"[0-9]+", names[k]))
         if numbers:
-            families[re.sub(r"[0-9]+", "#", names[k])][numbers] = k
+            family = families[re.sub(r"[0-9]+", "#", names[k])]
+            if numbers in family:
+                raise ColumnsError(f"has {names[family[numbers]]} and {names[k]}, which have the same number")
+            family[numbers] = k
     return families
 
 

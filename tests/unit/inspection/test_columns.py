@@ -61,6 +61,7 @@ def test_channels_of_other_skins_are_not_used():
         ([f"{name}{k}" for name in "st" for k in range(12)], 'has 2 sets of columns that fit the channels: "s#", "t#"'),
         (IDS[1:], "has no column for 1 taxel: Sole.0.0"),
         ([*NUMBERS, "3"], "names 3 twice"),
+        ([*NUMBERS, "03"], "has 3 and 03, which have the same number"),
     ],
 )
 def test_columns_that_do_not_match_are_refused(names, message):
