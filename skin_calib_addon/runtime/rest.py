@@ -40,7 +40,7 @@ MIN_TARE_FRAMES = 8
 TAP_FRAMES = 5
 # [standard deviations] Range of a taxel during a tare from which on it is a contact. Larger: weaker contacts are not
 # found; smaller: noise of many taxels is refused.
-MAX_TARE_RANGE = 12.0
+MAX_TARE_RANGE = 18.0
 # [1] Largest correlation of successive readings that noise is assumed to have. Larger: slow contacts on few taxels are
 # not found; smaller: the noise of slow filters is refused.
 MAX_CORRELATION = 0.98
