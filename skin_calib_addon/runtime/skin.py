@@ -248,13 +248,14 @@ class Skin:
         Parameters
         ----------
         readings : array, shape (channels,) or (frames, channels)
-            Without contact. A taxel without a finite number keeps its baseline.
+            Without contact: a constant force on all frames counts as an offset. A taxel without a finite number keeps
+            its baseline.
 
         Raises
         ------
         InvalidReading
-            As for :meth:`forces`, and if one of 8 or more frames has a contact that others do not have. The baseline
-            does not change. A constant force on all frames counts as an offset.
+            As for :meth:`forces`, and if some of 8 or more frames have a contact that the others do not have. The
+            baseline does not change.
         """
         rows, is_whole = self._readings.at_rest(readings)
         alive = np.where(self._readings.alive, rows, np.nan)
@@ -262,7 +263,8 @@ class Skin:
         if len(forces) and (most := float(forces.max())) >= self.switch_on:
             raise InvalidReading(
                 f"the {len(rows)} readings for a tare are not at rest: the force changes by {most:.2g} N on "
-                f"{self.ids[forces.argmax()]}. Use readings without contact, or mask the taxel if it is defective",
+                f"{self.ids[forces.argmax()]}. Use a second or more without contact, or mask the taxel if it is "
+                "defective",
                 flag="not_at_rest",
                 force=most,
             )
@@ -379,6 +381,8 @@ class Skin:
         self._streak, self._active = Streak(len(self.ids)), np.zeros(len(self.ids), bool)
         self._identities.forget()
         self._readings.drift.drop_block()
+        if self._rest is not None:
+            self._rest.clear()
 
     def _evidence(self, signed: Array | None, forces: Array, known: BoolArray) -> Evidence:
         """Return what readings (..., n) show by themselves: compared with the noise, or with thresholds."""

@@ -109,5 +109,5 @@ def test_missing_numbers_do_not_hide_a_contact():
     rows[10:20, 3], rows[:, 4] = np.nan, np.nan
     sole().tare(rows)
     rows[30:50, 3] += 60
-    with pytest.raises(InvalidReading, match="changes by 6. N on sole.3. Use"):
+    with pytest.raises(InvalidReading, match="changes by 6. N on sole.3. Use a second"):
         sole().tare(rows)
