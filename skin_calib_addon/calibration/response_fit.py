@@ -33,8 +33,14 @@ READING_GAP = 0.2  # fraction of the range of readings. Larger: fewer warnings a
 HYSTERESIS_FRACTION = 0.01
 # [standard errors] of this difference that it must exceed, too. Larger: fewer warnings.
 HYSTERESIS_STANDARD_ERRORS = 4.0
+# [1] Fraction of the measurements at which the force turns, from which on a large scatter is no hysteresis: of forces
+# in any order the larger ones follow a rise. Larger: more scatter is called hysteresis.
+MAX_TURNS = 1 / 3
 HYSTERESIS_BINS = 8  # intervals of readings in which loading and unloading are compared. Larger: fewer pairs in each.
 POOR_RESIDUAL_FRACTION = 0.3  # of the standard deviation of the forces. Larger: fewer warnings about poor fits.
+# of the standard deviation of the forces: residuals from which on the readings hardly depend on the force. Larger: the
+# warning states scatter instead.
+INDEPENDENT_RESIDUAL_FRACTION = 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,22 +266,31 @@ def _warnings(
             value=float(distinct[wide + 1] - distinct[wide]),
             advice=f"Measure {quantity}s in between.",
         )
-    poor = np.sqrt(np.mean(residuals**2)) > POOR_RESIDUAL_FRACTION * forces[used].std()
-    difference, error = _hysteresis(readings[used], residuals, _loads(forces)[used])
-    if abs(difference) > max(HYSTERESIS_FRACTION * span, HYSTERESIS_STANDARD_ERRORS * error) and not poor:
+    loads, limit = _loads(forces)[used], POOR_RESIDUAL_FRACTION * forces[used].std()
+    scatter = float(np.sqrt(np.mean(residuals**2)))
+    (difference, most), error, rest = _hysteresis(readings[used], residuals, loads)
+    if scatter > limit and np.count_nonzero(np.diff(loads)) > MAX_TURNS * len(loads):
+        difference, rest = 0.0, scatter
+    if abs(difference) > max(HYSTERESIS_FRACTION * span, HYSTERESIS_STANDARD_ERRORS * error):
         more = "larger" if difference > 0 else "smaller"
         yield Warning(
             "hysteresis",
             "warning",
             f"At the same reading the {quantity} is {abs(difference):.3g} {unit} {more} while it rises than while it "
-            "falls (hysteresis). The response lies between the two.",
+            f"falls, and at most {abs(most):.3g} {unit}, {abs(most) / span:.0%} of its range (hysteresis). "
+            "The response lies between the two.",
             value=float(difference),
         )
-    if poor:
+    if rest > limit:
+        message = (
+            f"At the same reading the {quantity} scatters by {rest:.3g} {unit} (rms), {rest / span:.0%} of its range."
+        )
+        if rest > INDEPENDENT_RESIDUAL_FRACTION * forces[used].std():
+            message = f"The readings hardly depend on the {quantity}."
         yield Warning(
             "poor-response",
             "warning",
-            f"The readings hardly depend on the {quantity}.",
+            message,
             advice="Check the columns, and that the readings belong to the taxel.",
         )
 
@@ -287,20 +302,29 @@ def _loads(forces: Array) -> IntArray:
     return steps[last]
 
 
-def _hysteresis(readings: Array, residuals: Array, loads: IntArray) -> tuple[float, float]:
-    """Return the mean loading minus unloading residual at similar readings, and its standard error [N]."""
+def _hysteresis(readings: Array, residuals: Array, loads: IntArray) -> tuple[tuple[float, float], float, float]:
+    """Return how much loading differs from unloading at similar readings [N], and what this leaves of the residuals.
+
+    The results are the mean and the largest loading minus unloading residual, the standard error of the mean, and the
+    rms of the residuals about those of their direction, all in newtons.
+    """
     rank = np.argsort(np.argsort(readings, kind="stable"), kind="stable")
     bins = rank * HYSTERESIS_BINS // len(readings)
-    difference = weights = squares = 0.0
-    freedom = 0
+    differences, weights, freedom, left = [], [], 0, residuals.copy()
+    squares = 0.0
     for k in range(HYSTERESIS_BINS):
-        up, down = (residuals[(bins == k) & (loads == direction)] for direction in (1, -1))
-        if min(len(up), len(down)) >= 2:
-            weight = len(up) * len(down) / (len(up) + len(down))
-            difference += weight * (up.mean() - down.mean())
-            weights += weight
-            squares += len(up) * up.var() + len(down) * down.var()
-            freedom += len(up) + len(down) - 2
+        up, down = ((bins == k) & (loads == direction) for direction in (1, -1))
+        count_up, count_down = int(up.sum()), int(down.sum())
+        if min(count_up, count_down) >= 2:
+            differences.append(residuals[up].mean() - residuals[down].mean())
+            weights.append(count_up * count_down / (count_up + count_down))
+            squares += count_up * residuals[up].var() + count_down * residuals[down].var()
+            freedom += count_up + count_down - 2
+            for rows, weight in ((up, count_down), (down, -count_up)):  # their mean stays
+                left[rows] -= differences[-1] * weight / (count_up + count_down)
+    rms = float(np.sqrt(np.mean(left**2)))
     if freedom < HYSTERESIS_BINS:
-        return 0.0, 0.0
-    return difference / weights, float(np.sqrt(squares / freedom / weights))
+        return (0.0, 0.0), 0.0, float(np.sqrt(np.mean(residuals**2)))
+    most = differences[int(np.abs(differences).argmax())]
+    mean = float(np.average(differences, weights=weights))
+    return (mean, float(most)), float(np.sqrt(squares / freedom / sum(weights))), rms

@@ -4,12 +4,12 @@ import argparse
 import math
 import os.path
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..common.atomic_file import is_same_file
-from ..common.errors import OutputError
+from ..common.errors import OutputError, listed
 from ..common.findings import printable
 
 if TYPE_CHECKING:  # it needs NumPy, and --help does not
@@ -26,6 +26,12 @@ PICTURES = (".png", ".pdf", ".svg", ".jpg")  # endings of pictures
 def say(text: str) -> None:
     """Print text on stdout, with control characters escaped: names in a file must not control the terminal."""
     print("\n".join(map(printable, text.split("\n"))))
+
+
+def say_unused(columns: Sequence[str]) -> None:
+    """Print the columns of a table that are not used, if there are any."""
+    if columns:
+        say(f"columns          not used: {listed(columns)}")
 
 
 def complain(message: str) -> None:

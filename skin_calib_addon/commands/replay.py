@@ -3,11 +3,13 @@
 import argparse
 import json
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 
+from ..common.arrays import Array
 from ..common.atomic_file import write_bytes_safely
-from ..common.errors import CalibrationFormatError
+from ..common.errors import CalibrationFormatError, InvalidReading, counted
 from ..inspection.recording import frame_document, read_modalities, read_recording
 from ..runtime import Frame, Skin, load
 from ..runtime.modalities import FORCE
@@ -56,13 +58,13 @@ def run(options: argparse.Namespace) -> int:
             "a contact must end at a lower force than it begins"
         )
     skin = load(options.file, options.on, options.off)
-    recorded = list(read_recording(options.readings))
+    recording = read_recording(options.readings, skin)
+    recorded = list(recording.frames)
     if options.tare > len(recorded):
         raise CalibrationFormatError(
             f"'{options.readings}' has {len(recorded)} frames, fewer than the {options.tare} of --tare. Use fewer."
         )
-    if options.tare:
-        skin.tare([reading for _, reading in recorded[: options.tare]])
+    rest = _tare(skin, recorded[: options.tare], options.readings) if options.tare else ""
     others = read_modalities(options.readings, skin.modalities)
     frames = [
         skin.update({FORCE: reading} | {name: rows[k] for name, rows in others.items()}, time)
@@ -79,6 +81,11 @@ def run(options: argparse.Namespace) -> int:
     if options.output:
         lines = [json.dumps(frame_document(frame), separators=(",", ":"), allow_nan=False) for frame in frames]
         write_bytes_safely(options.output, ("\n".join(lines) + "\n").encode())
+    if recording.has_more:
+        complain(
+            f"warning: the recording has more numbers than the skin needs ({recording.columns}). "
+            "Check that no counter, time or total is among the channels."
+        )
     for name in skin.modalities:
         if name not in others:
             complain(f"warning: the recording has no readings of {name}, which the calibration has")
@@ -87,12 +94,30 @@ def run(options: argparse.Namespace) -> int:
     if len(steps) and (step := float(np.median(steps))) > LONG_STEP:
         complain(f"warning: frames are {step:g} s apart (median): time must be in seconds")
     for flag, times in sorted(Counter(flag for frame in frames for flag in frame.flags).items()):
-        complain(f"warning: {flag} in {times} of {len(frames)} frames")
-    say(_summary(skin, frames))
+        pressed = ": something may have pressed during those of --tare" if rest and flag == "below_rest" else ""
+        complain(f"warning: {flag} in {times} of {len(frames)} frames{pressed}")
+    say(_summary(skin, frames, recording.columns, rest))
     return DONE
 
 
-def _summary(skin: Skin, frames: list[Frame]) -> str:
+def _tare(skin: Skin, recorded: list[tuple[float, Array]], path: Path) -> str:
+    """Tare a skin with the first frames of a recording; return what they show, for the summary."""
+    rows = [reading for _, reading in recorded]
+    try:
+        forces = np.array([skin.forces(row) for row in rows])
+        skin.tare(rows)
+    except InvalidReading as problem:
+        raise CalibrationFormatError(f"'{path}', frames of --tare: {problem}") from problem
+    finite = np.where(np.isfinite(forces), forces, 0.0).mean(axis=0)
+    text = f"{counted(len(rows), 'frame')}; {finite.sum():.2f} N in total count as offset, "
+    text += f"at most {finite.max():.2f} N on a taxel"
+    if skin.noise is None:
+        return text
+    limit, load = np.median(skin.noise.detection_limits), skin.noise.load_limit
+    return f"{text}; noise hides up to {limit:.2g} N on a taxel, {load:.2g} N in total"
+
+
+def _summary(skin: Skin, frames: list[Frame], columns: str, rest: str) -> str:
     numbers = {c.number for frame in frames for c in frame.contacts}
     touched = [frame for frame in frames if frame.touched]
     forces = [sum(c.force for c in frame.contacts) for frame in touched]
@@ -100,6 +125,8 @@ def _summary(skin: Skin, frames: list[Frame]) -> str:
     most = max(len(frame.contacts) for frame in frames)
     lines = [
         f"link             {skin.link}, {len(skin.ids)} taxels",
+        f"columns          {columns}",
+        *([f"rest             {rest}"] if rest else []),
         f"frames           {len(frames)}, {frames[-1].time - frames[0].time:.3f} s",
         f"contacts         {len(numbers)}, at most {most} at a time, in {len(touched)} frames",
     ]

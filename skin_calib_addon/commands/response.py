@@ -16,7 +16,7 @@ from ..calibration.response_fit import ResponseFit, fit_response
 from ..common.errors import CalibrationFormatError, UnderdeterminedFit
 from ..common.findings import did_you_mean, show
 from ..common.warnings import Place, Warning
-from .common import DONE, check_outputs, file_name, named_path, say, warn
+from .common import DONE, check_outputs, file_name, named_path, say, say_unused, warn
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +25,8 @@ def add(parser: argparse.ArgumentParser) -> None:
         "measurements",
         type=named_path,
         metavar="MEASUREMENTS",
-        help="CSV file with columns reading, force [N], and optionally taxel; with --modality reading and value",
+        help="CSV file with columns reading, force [N], and optionally taxel or channel; "
+        "with --modality reading and value",
     )
     parser.add_argument(
         "--modality", metavar="NAME", help="fit the response of this modality of the calibration, in its unit"
@@ -39,12 +40,11 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     check_outputs(options, options.file, options.measurements, replaces=options.file)
     calibration = load_calibration(options.file)
-    ids = {name for patch in calibration.patches for name in patch.taxels.ids}
     modality = None if options.modality is None else _modality(calibration, options.modality, options.file)
     quantity, unit = ("force", "N") if modality is None else ("value", modality.unit)
-    measured = read_measurements(options.measurements, ids, quantity)
+    measured = read_measurements(options.measurements, calibration, quantity)
     if modality is not None and measured[0].taxel is not None:
-        what = f"the modality {show(modality.name)} has one response for all taxels. Remove the column 'taxel'"
+        what = f"the modality {show(modality.name)} has one response for all taxels. Remove the column of the taxels"
         raise CalibrationFormatError(f"'{options.measurements}': {what}")
     fits = [_fit(one, options.measurements, quantity, unit) for one in measured]
     if modality is None:
@@ -58,6 +58,7 @@ def run(options: argparse.Namespace) -> int:
         draw_responses(measured, fits, options.picture, quantity, unit)
     save_calibration(result, options.output)
     warn(_warnings(calibration, measured, fits) if modality is None else fits[0].warnings)
+    say_unused(measured[0].unused)
     for one, fit in zip(measured, fits):
         say(_line(one, fit, options.modality, unit))
     say(f"calibration      {options.output}")

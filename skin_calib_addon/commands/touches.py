@@ -11,7 +11,7 @@ from ..pipeline.refine import refine
 from ..pipeline.touch_distance import check_touches
 from ..plan import FORMAT, load_plan, named_from, save_plan
 from ..validation import Placement, placements, read_touches, summarize
-from .common import DONE, check_outputs, file_name, named_path, say, warn
+from .common import DONE, check_outputs, file_name, named_path, say, say_unused, warn
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -46,6 +46,7 @@ def run(options: argparse.Namespace) -> int:
     found = placements(calibration, touches)
     say(f"link             {calibration.link}, {calibration.taxel_count} taxels")
     say(f"touches          {len(touches.taxels)}, of {len(set(touches.taxels))} taxels")
+    say_unused(touches.unused)
     _report(found)
     of_fit = result.warnings if result else ()
     warn((*of_fit, *(warning for placement in found for warning in placement.warnings())))

@@ -78,6 +78,11 @@ def find_column(header: list[str], name: str, line: int) -> int:
     return place
 
 
+def names_without(header: list[str], columns: list[int]) -> tuple[str, ...]:
+    """Return the names of all columns but some."""
+    return tuple(name for k, name in enumerate(header) if name and k not in columns)
+
+
 def number_in(row: list[str], column: int, line: int) -> float:
     """Return the number in a cell."""
     try:

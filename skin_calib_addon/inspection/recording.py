@@ -1,9 +1,9 @@
 """Recorded readings of a controller, cycle by cycle, from a CSV or NPZ file."""
 
 import math
-import re
 import zipfile
 from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,13 @@ import numpy as np
 from ..common.arrays import Array
 from ..common.errors import CalibrationFormatError
 from ..common.strict_json import size_of
-from ..common.tables import TableError, read_rows
+from ..common.tables import TableError, naming_file, read_rows
 from ..common.text import NumberError, read_text, real
 from ..runtime.footprint import SupportingPolygon
 from ..runtime.frame import Frame
 from ..runtime.polygon import Polygon
+from ..runtime.skin import Skin
+from .columns import Columns, ColumnsError, match_columns
 
 # Limit of the numbers of an array of a recording or a replay: half a gigabyte. It protects the memory, because an NPZ
 # file can be a thousand times smaller than its arrays. Larger: accepts longer recordings.
@@ -25,10 +27,21 @@ MAX_NUMBERS = 2**26
 CONTACT = ("number", "ids", "force", "area", "peak_pressure", "position", "normal", "wrench")  # Contract: of a frame
 
 
-def read_recording(path: str | Path) -> Iterator[tuple[float, Array]]:
-    """Yield time [s] and reading of each frame of a recording."""
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Time [s] and reading of each frame of a file, in the order of the channels of a skin."""
+
+    frames: Iterator[tuple[float, Array]]
+    columns: str  # which columns of the file are which channels
+    has_more: bool = False  # whether the file has numbers without a name that the skin does not need
+
+
+def read_recording(path: str | Path, skin: Skin) -> Recording:
+    """Open a recording for a skin; its frames are read one by one."""
     path = Path(path)
-    return _packed(path) if path.suffix.lower() == ".npz" else _table(path)
+    if not skin.ids:
+        raise CalibrationFormatError(f"{skin.link} has no taxels, so '{path}' cannot be replayed. Add a skin")
+    return _packed(path, skin.reading_length) if path.suffix.lower() == ".npz" else _table(path, skin)
 
 
 def read_modalities(path: str | Path, names: Collection[str]) -> dict[str, Array]:
@@ -45,12 +58,16 @@ def read_modalities(path: str | Path, names: Collection[str]) -> dict[str, Array
     return stored
 
 
-def _packed(path: Path) -> Iterator[tuple[float, Array]]:
+def _packed(path: Path, length: int) -> Recording:
     time, readings = _arrays(path, lambda _: ["time", "readings"]).values()
     if time.ndim != 1 or time.dtype.kind not in "uif" or readings.shape[:1] != time.shape or readings.ndim != 2:
         shapes = f"time {time.dtype} {time.shape} and readings {readings.dtype} {readings.shape}"
         raise CalibrationFormatError(f"'{path}' has {shapes}. Give numbers of shapes (t,) and (t, channels)")
-    yield from zip(time.astype(float).tolist(), readings)
+    width = readings.shape[1]
+    text = f"readings[:, 0] to readings[:, {length - 1}] are channels 0 to {length - 1}"
+    if has_more := width > length:
+        text += f"; not used: readings[:, {length}]" + (f" to readings[:, {width - 1}]" if width > length + 1 else "")
+    return Recording(iter(zip(time.astype(float).tolist(), readings)), text, has_more)
 
 
 def _arrays(path: Path, choose: Callable[[Collection[str]], Iterable[str]]) -> dict[str, np.ndarray]:
@@ -85,36 +102,31 @@ def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
         return np.lib.format.read_array(file, allow_pickle=False)
 
 
-def _table(path: Path) -> Iterator[tuple[float, Array]]:
+def _table(path: Path, skin: Skin) -> Recording:
     rows = read_rows(read_text(path))
+    with naming_file(path):
+        line, header = next(rows, (1, []))
     try:
-        _, header = next(rows, (1, []))
-        header = [name.strip().lower() for name in header]
-        if header[:1] != ["time"] or len(header) < 2:
-            raise CalibrationFormatError(
-                f"'{path}', line 1: the header of a recording must be time and one name for each channel"
-            )
-        columns = _columns_of_channels(header, path)
+        columns = match_columns(header, skin.ids, skin.channels.tolist())
+    except ColumnsError as problem:
+        raise CalibrationFormatError(f"'{path}', line {line}: the header {problem}") from problem
+    return Recording(_rows(path, rows, len(header), columns), columns.text)
+
+
+def _rows(
+    path: Path, rows: Iterator[tuple[int, list[str]]], width: int, columns: Columns
+) -> Iterator[tuple[float, Array]]:
+    length, places = max(columns.channels) + 1, columns.channels.values()
+    with naming_file(path):
         for line, row in rows:
-            if len(row) > len(header):
-                raise TableError(line, f"the row has {len(row)} columns, but the header has {len(header)}")
+            if len(row) > width:
+                raise TableError(line, f"the row has {len(row)} columns, but the header has {width}")
             cells = [_number(cell, path, line, k + 1) for k, cell in enumerate(row)]
-            given = takewhile(len(cells).__gt__, columns)  # of a short row: up to its first missing channel
-            yield cells[0], np.array([cells[k] for k in given])
-    except TableError as problem:
-        raise CalibrationFormatError(f"'{path}', line {problem.line}: {problem}") from problem
-
-
-def _columns_of_channels(header: list[str], path: Path) -> list[int]:
-    """Return the column of each channel: by the numbers in names ``channel_<number>``, without them in their order."""
-    named = [(int(name[8:]), k) for k, name in enumerate(header) if re.fullmatch("channel_[0-9]{1,9}", name)]
-    for channel, (number, _) in enumerate(sorted(named)):
-        if number != channel:
-            what = f"names channel_{number} twice" if number < channel else f"has no channel_{channel}"
-            raise CalibrationFormatError(
-                f"'{path}', line 1: the header {what}. Name the channels channel_0 to channel_{len(named) - 1}"
-            )
-    return [k for _, k in sorted(named)] or list(range(1, len(header)))
+            time = cells[columns.time] if columns.time < len(cells) else np.nan
+            given = [cells[k] for k in takewhile(len(cells).__gt__, places)]  # up to the first missing channel
+            reading = np.full(length, np.nan)
+            reading[list(columns.channels)[: len(given)]] = given
+            yield time * columns.seconds, reading if len(given) == len(places) else reading[: len(given)]
 
 
 def _number(cell: str, path: Path, line: int, column: int) -> float:

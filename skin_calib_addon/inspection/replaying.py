@@ -19,12 +19,11 @@ DEFAULT_PERIOD = 0.01
 class Replay:
     """Readings of a recording, processed by the runtime."""
 
-    def __init__(self, calibration: LinkCalibration, recorded: Iterable[tuple[float, Array]], name: str):
+    def __init__(
+        self, calibration: LinkCalibration, recorded: Iterable[tuple[float, Array]], name: str, columns: str = ""
+    ):
         self.taxels = AllTaxels.of(calibration.patches)
-        if not self.taxels.ids:
-            raise CalibrationFormatError(
-                f"{calibration.link} has no taxels, so '{name}' cannot be replayed. Add a skin"
-            )
+        self.columns = columns  # which columns of the recording are which channels
         self._skin = Skin(calibration)
         self._frames: list[Frame] = []
         self.strongest = 0.0  # largest force on a taxel in any frame [N]
@@ -41,7 +40,8 @@ class Replay:
     @classmethod
     def read(cls, calibration: LinkCalibration, path: str | Path) -> "Replay":
         """Read a recording from a file, see `read_recording`."""
-        return cls(calibration, read_recording(path), Path(path).name)
+        recording = read_recording(path, Skin(calibration))
+        return cls(calibration, recording.frames, Path(path).name, recording.columns)
 
     def _take(self, reading: Array, name: str) -> None:
         """Check a reading and store it."""
@@ -59,16 +59,6 @@ class Replay:
 
     def __len__(self) -> int:
         return len(self._readings)
-
-    @property
-    def skin(self) -> Skin:
-        """The skin that processes the recording."""
-        return self._skin
-
-    @property
-    def numbers(self) -> int:
-        """Count of numbers in a frame of the recording; the skin may need fewer."""
-        return len(self._readings[0])
 
     @property
     def duration(self) -> float:

@@ -15,7 +15,7 @@ from ..plan import Plan
 from ..plan.skins import BoardSkin, ImportedSkin, Mounting, SheetSkin, Skin
 from ..skin.sheet.landmarks import Landmark
 from ..skin.uncertainty import MAX_DIRECTION_UNCERTAINTY, MIN_ORIGIN_UNCERTAINTY
-from ..validation.placement import Motion, Placement, flat_places, link_point, other_order, placements
+from ..validation.placement import Motion, Placement, flat_places, link_point, placements
 from ..validation.touches import Touches
 from .calibrate import Calibrated, warnings_of
 from .place_skins import PlacedSkin, place_all
@@ -45,9 +45,12 @@ def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
     check_touches(result.calibration, touches)
     placed, found = result.placed, placements(result.calibration, touches)
     for placement in found:
-        order = other_order(placement)
-        if order:
-            raise InvalidPlan(f"the touches of skin {placement.patch.name!r} fit {order}. Correct the channels first.")
+        order, is_certain = placement.other_order
+        if is_certain:
+            raise InvalidPlan(
+                f"the touches of skin {placement.patch.name!r} fit another order of its channels: {order}. "
+                "Correct the channels first."
+            )
     skins = plan.skins
     for _ in range(MAX_REFINE_STEPS):
         motions = {placement.patch.name: _motion(placement) for placement in found}

@@ -64,7 +64,7 @@ class AtRest:
         finite = np.isfinite(rows)
         present = finite.any(axis=0)
         rows = rows[finite[:, present].all(axis=1)] * sign
-        step = _step(rows[:, present], is_whole)
+        step = step_of(rows[:, present], is_whole)
         if len(rows) < MIN_FRAMES or step is None or not present.any():
             return None
         rows = np.where(present, rows, 0.0)
@@ -111,7 +111,7 @@ class AtRest:
         return np.where(self.clipped > 0, centred, most), most
 
 
-def _step(rows: Array, is_whole: bool) -> float | None:
+def step_of(rows: Array, is_whole: bool) -> float | None:
     """Return the step of a converter: 1, or the least difference of readings (frames, n); None if they never differ."""
     if is_whole:
         return 1.0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
-from .clock import JUMP_TIME, NO_PAST, Clock
+from .clock import JUMP_TIME, Clock
 from .components import component_counts
 from .frame import cop_of, is_standing, zmp_of
 from .geometry import SkinGeometry
@@ -95,14 +95,13 @@ def _blocks(count: int, n: int) -> Iterator[slice]:
 
 
 def _fresh(times: Array, valid: BoolArray) -> BoolArray:
-    """Return for which rows (T,) the row before says nothing, because time went back or jumped."""
+    """Return for which valid rows (T,) the valid one before says nothing, because time went back or jumped."""
     fresh = np.zeros(len(times), bool)
-    gaps = np.diff(times[valid])
+    gaps = np.concatenate((np.diff(times), np.diff(times[valid])))
     if ((gaps >= 0) & (gaps <= JUMP_TIME)).all():
         return fresh
     clock = Clock()
-    for k in valid.nonzero()[0].tolist():
-        time = float(times[k])
-        fresh[k] = not clock.flags(time).isdisjoint(NO_PAST)
-        clock.accept(time)
+    for k, time in enumerate(times.tolist()):
+        fresh[k] = valid[k] and not clock.has_past(time)
+        clock.accept(time, bool(valid[k]))
     return fresh

@@ -1,9 +1,14 @@
-"""Decide from which readings a skin may learn its noise by itself: those of the first quiet frames."""
+"""Decide which readings are those of a skin without contact, for a tare and for noise that a skin learns by itself."""
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..common.arrays import Array
-from .at_rest import MIN_FRAMES
+from ..common.arrays import Array, BoolArray
+from .at_rest import MIN_FRAMES, step_of
+
+if TYPE_CHECKING:
+    from ..calibration.taxel_responses import TaxelResponses
 
 # [reading] A larger reading is left out of the baseline: the sum of several would overflow. Derived: from the range
 # of double-precision numbers.
@@ -29,6 +34,22 @@ MIN_REST = 0.5
 REST_PERIOD = 0.0035
 # [frames] Number of stored frames that ends the rest. Larger: better estimates, later.
 MAX_FRAMES = 250
+# [frames] Fewer frames do not show whether a tare is at rest. Larger: contacts during a short tare are not found.
+MIN_TARE_FRAMES = 8
+# [frames] Length of the running median that leaves out single large values of a tare. Larger: short taps are not found.
+TAP_FRAMES = 5
+# [standard deviations] Range of a taxel during a tare from which on it is a contact. Larger: weaker contacts are not
+# found; smaller: noise of many taxels is refused.
+MAX_TARE_RANGE = 18.0
+# [1] Largest correlation of successive readings that noise is assumed to have. Larger: slow contacts on few taxels are
+# not found; smaller: the noise of slow filters is refused.
+MAX_CORRELATION = 0.98
+# [1] Mean square of second differences over that of first ones, each over its value for white noise, below which the
+# readings of most taxels are smoother than noise with any correlation, whose value is 2/3.
+MIN_ROUGHNESS = 0.65
+# [1] Range of the sum of such taxels over that of independent ones, from which on a load moves them together.
+# Larger: loads on few taxels are not found; smaller: the noise of filters is refused.
+MAX_COMMON_RANGE = 3.0
 
 
 class Rest:
@@ -58,6 +79,35 @@ class Rest:
     def clear(self) -> None:
         """Drop all frames: the skin was not free."""
         self._rows, self._times, self._next = [], [], MIN_FRAMES
+
+
+def contacts_during(rows: Array, responses: "TaxelResponses", is_whole: bool) -> Array:
+    """Return the force of a contact on each taxel (n,) during readings (frames, n) for a tare, 0 without one [N].
+
+    A contact lasts for some frames and changes a reading by far more than its noise, which the differences of
+    successive readings show. Their second differences show how far the noise is correlated. A constant force counts as
+    an offset.
+    """
+    finite = np.isfinite(rows)
+    sums = np.where(finite, rows, 0.0).sum(axis=0)
+    rows = np.where(finite, rows, sums / np.maximum(finite.sum(axis=0), 1))
+    if len(rows) < MIN_TARE_FRAMES or not rows.size:
+        return np.zeros(rows.shape[1])
+    change = np.abs(np.diff(rows, axis=0)).mean(axis=0)
+    bend = np.abs(np.diff(rows, 2, axis=0)).mean(axis=0)
+    is_live = change > 0
+    often = float(np.median(np.count_nonzero(np.diff(rows, axis=0), axis=0)))
+    rarely = (len(rows) - 1) / often if often >= MIN_TARE_FRAMES else 1.0  # frames repeat, taxels send in turn
+    roughness = float(np.median((bend[is_live] / change[is_live]) ** 2)) / 3 if is_live.any() else 1.0
+    correlation = np.clip(3 * (1 - roughness), 0.0, MAX_CORRELATION)  # of successive readings
+    sigma = np.sqrt(np.pi) / 2 * np.maximum(change, np.median(change)) * rarely / np.sqrt(1 - correlation)
+    sigma = np.maximum(sigma, (step_of(rows, is_whole) or 0.0) / np.sqrt(12))
+    lasting = np.median(np.lib.stride_tricks.sliding_window_view(rows, TAP_FRAMES, axis=0), axis=-1)
+    spans = np.ptp(lasting, axis=0)
+    is_pressed: BoolArray = spans > MAX_TARE_RANGE * sigma
+    if roughness < MIN_ROUGHNESS and np.ptp(lasting.sum(axis=1)) > MAX_COMMON_RANGE * np.linalg.norm(spans):
+        is_pressed |= is_live
+    return np.where(is_pressed, responses.forces(responses.rest + responses.sign * spans), 0.0)
 
 
 def is_rest(rows: Array, without_force: Array, is_whole: bool) -> bool:

@@ -23,7 +23,7 @@ from .modalities import Modalities, ModalityValues, force_of, without_force
 from .noise import Noise
 from .plane import Plane, ground_of
 from .readings import Readings, Signals, force_sigmas
-from .rest import Rest, is_rest
+from .rest import Rest, contacts_during, is_rest
 from .touched import (
     Evidence,
     Streak,
@@ -248,14 +248,26 @@ class Skin:
         Parameters
         ----------
         readings : array, shape (channels,) or (frames, channels)
-            Without contact. A taxel without a finite number keeps its baseline.
+            Without contact: a constant force on all frames counts as an offset. A taxel without a finite number keeps
+            its baseline.
 
         Raises
         ------
         InvalidReading
-            As for :meth:`forces`; the baseline does not change.
+            As for :meth:`forces`, and if some of 8 or more frames have a contact that the others do not have. The
+            baseline does not change.
         """
         rows, is_whole = self._readings.at_rest(readings)
+        alive = np.where(self._readings.alive, rows, np.nan)
+        forces = contacts_during(alive, self._readings.responses, is_whole)
+        if len(forces) and (most := float(forces.max())) >= self.switch_on:
+            raise InvalidReading(
+                f"the {len(rows)} readings for a tare are not at rest: the force changes by {most:.2g} N on "
+                f"{self.ids[forces.argmax()]}. Use a second or more without contact, or mask the taxel if it is "
+                "defective",
+                flag="not_at_rest",
+                force=most,
+            )
         self._faults.byte_order.learn(rows)
         self._readings.learn(rows, is_whole)
         self._rest = None if self._has_thresholds or self.noise is not None else Rest()
@@ -335,7 +347,7 @@ class Skin:
             flags |= self._readings.flags(raw, signals.known)
             if not np.count_nonzero(signals.known):
                 return self._unknown(time, flags | {"blind"}, "no taxel has a valid reading", modalities)
-        if not flags.isdisjoint(NO_PAST):
+        if not self._clock.has_past(time):
             self._forget()
         unchanged = self._faults.unchanged(raw)
         is_new = bool(np.count_nonzero(unchanged) < len(unchanged))
@@ -369,6 +381,8 @@ class Skin:
         self._streak, self._active = Streak(len(self.ids)), np.zeros(len(self.ids), bool)
         self._identities.forget()
         self._readings.drift.drop_block()
+        if self._rest is not None:
+            self._rest.clear()
 
     def _evidence(self, signed: Array | None, forces: Array, known: BoolArray) -> Evidence:
         """Return what readings (..., n) show by themselves: compared with the noise, or with thresholds."""
@@ -450,7 +464,8 @@ class Skin:
     def _unknown(
         self, time: float, flags: frozenset[str], problem: str, modalities: Mapping[str, ModalityValues]
     ) -> Frame:
-        """Return the frame of a reading of force that cannot be used; the state of the skin does not change."""
+        """Return the frame of a reading of force that cannot be used; only the clock of the skin changes."""
+        self._clock.accept(time, is_valid=False)
         n = len(self.ids)
         nothing = np.zeros(n, bool)
         unknown = np.full(6, np.nan)

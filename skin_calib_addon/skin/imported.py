@@ -1,6 +1,7 @@
 """Taxels of a file on the fitted surface: footpoints, frames, cells and neighbours."""
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -12,7 +13,7 @@ from ..calibration.exchange.taxel_set import SAME_POSITION, TaxelSet
 from ..calibration.model import MIN_TAXEL_DISTANCE, TaxelArray, fan_areas
 from ..common.arrays import Array, BoolArray, IntArray, tangential, unit
 from ..common.errors import InvalidPlan, listed
-from ..common.findings import Finding, error, warning
+from ..common.findings import Finding, error, show, warning
 from ..common.surface_errors import DistanceStatistics
 from ..geometry.mesh.distance import closest
 from ..geometry.mesh.triangle_mesh import TriangleMesh
@@ -62,6 +63,20 @@ class ImportedTaxels:
     after: Distances  # of their footpoints on the surface
     fit: RigidFit | None  # the search for a better frame; None without a mesh
     findings: tuple[Finding, ...]  # of the file, then of the positions; an error if the frame is wrong
+    link: str | None  # that the file names; None if it names none, or if a frame is given
+
+    def on(self, link: str) -> "ImportedTaxels":
+        """Return these taxels on a link of a robot, with a warning if the file names another one."""
+        if self.link is None or _words(self.link) <= _words(link) or _words(link) <= _words(self.link):
+            return self
+        message = f"names the link {show(self.link)}, but the plan is of the link {show(link)}; check the file"
+        return replace(self, findings=(warning("other-link", "the file", message, self.link), *self.findings))
+
+
+def _words(link: str) -> set[str]:
+    """Return the words in the name of a link or of its frame: ``left_foot_link`` has those of ``l_foot``."""
+    words = re.findall(r"[a-z]+|[0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", link).lower())
+    return {{"left": "l", "right": "r"}.get(word, word) for word in words} - {"link", "frame", "skin", "dh"}
 
 
 def imported_taxels(
@@ -79,7 +94,7 @@ def imported_taxels(
     thickness. Taxels of a rigid board have the normal of its plane, see :func:`.board_planes.board_planes`; the surface
     gives its sign. Other taxels have the normal of the surface. Normals of the file are compared, but not used.
     """
-    taxel_set = taxel_set if frame is None else placed(taxel_set, *frame)
+    taxel_set = taxel_set if frame is None else placed(taxel_set, *frame)  # which has no name of a link any more
     ids = tuple(f"{name}.{label}" for label in taxel_set.labels)
     given = taxel_set.positions
     uv, distance = footpoints(surface, given)
@@ -118,7 +133,9 @@ def imported_taxels(
         *_merged(ids, given, positions, pitch),
     )
     before = _distances(distance, given, mesh)
-    return ImportedTaxels(taxels, pitch, before, _distances(0 * gap, feet, mesh), fit, (*taxel_set.findings, *found))
+    return ImportedTaxels(
+        taxels, pitch, before, _distances(0 * gap, feet, mesh), fit, (*taxel_set.findings, *found), taxel_set.frame
+    )
 
 
 def board_normals(taxel_set: TaxelSet, upright: Array) -> Array:

@@ -31,8 +31,16 @@ MIN_SIGNIFICANCE = 2.0
 OUTLIER_FACTOR = 3.0
 # ... if it is farther off than this number of cells, too. Larger: fewer outliers.
 OUTLIER_CELLS = 1.5
-# Another order of the channels is right if it leaves less than this fraction of the distances. Larger: accepts more.
-ORDER_GAIN = 0.5
+# [1] Misfit of a touch that is nowhere near the taxel that felt it, as a logarithm of odds. Larger: fewer touches
+# decide which order of the channels is right.
+MAX_MISFIT = 6.0
+# [1] Another order of the channels is right if it reduces the misfit by this much. Larger: needs more touches.
+ORDER_GAIN = 8.0
+# [1] Fraction of the touches that it must explain. Larger: fewer orders of files with many wrong channels are named.
+MIN_EXPLAINED = 2 / 3
+# [m, rad] Usual displacement and rotation of a glued skin. Larger: a displacement of a cell is a lesser reason to
+# assume another order.
+USUAL_SHIFT, USUAL_TURN = 5e-3, np.deg2rad(5.0)
 # Median height of touches above or below the taxels from which on a warning is given [m]: half of the distance at which
 # a single touch is an error. Larger: fewer warnings.
 HEIGHT_LIMIT = 2.5e-3
@@ -71,6 +79,7 @@ class Placement:
     rows: IntArray  # (m,) rows of the taxels in the patch
     places: Array  # (m, 3) positions of the touches, in the link frame [m]
     offsets: Array  # (m, 3) from the taxel to the touch: along the row, across it, outward (NaN for a wrench) [m]
+    directions: Array  # (m, 3) of the wrenches; zero for points
     grazing: IntArray  # lines of the file whose line of action is nearly parallel to the skin; they are left out
 
     @cached_property
@@ -126,11 +135,14 @@ class Placement:
     def warnings(self) -> Iterator[Warning]:
         """Yield warnings for the author: order of channels, grazing touches, wrong taxels, height."""
         name, place = self.patch.name, Place(skin=self.patch.name)
-        order = other_order(self)
-        if order:
+        order, is_certain = self.other_order
+        if order and is_certain:
             message = f"The touches of {name} fit another order of its channels: {order}."
             yield Warning("channel-order", "warning", message, place, advice="Check the order of the channels.")
             return
+        if order:
+            message = f"The displacement of {name} may be another order of its channels: {order}."
+            yield Warning("channel-order", "warning", message, place, advice="Touch both ends of its rows and columns.")
         if len(self.grazing):
             lines = [f"line {line}" for line in self.grazing.tolist()]
             message = f"Touches of {name} with a force nearly parallel to the skin are left out: {_listed(lines)}."
@@ -158,12 +170,54 @@ class Placement:
             )
 
     @cached_property
+    def _far(self) -> Array:
+        """Distance (m,) of each touch that neither the motion nor a common height explains [m]."""
+        height = self.offsets[:, 2] - (np.median(self.heights) if len(self.heights) else 0.0)
+        return np.hypot(self.residuals, np.nan_to_num(height))
+
+    @cached_property
+    def misfit(self) -> Array:
+        """Misfit (m,) of each touch after the motion: 0 in the cell, at most `MAX_MISFIT`.
+
+        It is the square of the distance in standard deviations of a place in the cell, less that of a corner. A wrench
+        whose direction differs from that of most others, inward or outward, belongs to another side of the link.
+        """
+        misfit = np.clip((self._far / self.expected_rms) ** 2 - 3.0, 0.0, MAX_MISFIT)
+        pull = np.sign((self.directions * self.patch.taxels.normals_link[self.rows]).sum(axis=1))
+        return np.where(pull * np.sign(pull.sum()) < 0, MAX_MISFIT, misfit)
+
+    @cached_property
+    def other_order(self) -> tuple[str, bool]:
+        """Description of an order of the channels that explains the touches, and whether it is certain.
+
+        It is empty if no other order does. If it is not certain, a displacement of a cell explains them as well. Each
+        order is judged with the motion that fits it best.
+        """
+        if len(self.rows) < MIN_TOUCHES:
+            return "", False
+        given, best, description, similar = _cost(self, 0), np.inf, "", ""
+        is_far = self.motion is not None and np.linalg.norm(self.motion.shift) > min(self.patch.pitch) / 2
+        for words, rows, is_shift in other_orders(self.patch, self.rows):
+            if (rows == self.rows).all() or not (is_far or given > ORDER_GAIN):
+                continue
+            found = rows >= 0
+            other = _placement(self.patch, self.lines[found], rows[found], self.places[found], self.directions[found])
+            left_out = len(rows) - len(other.rows)
+            cost = _cost(other, left_out)
+            if (other.misfit < MAX_MISFIT).sum() < MIN_EXPLAINED * len(rows):
+                continue
+            if cost < min(best, given - ORDER_GAIN):
+                best, description = cost, words
+            if is_far and is_shift and not similar and cost < given + ORDER_GAIN and _shift(other) < _shift(self):
+                similar = words
+        return (description, True) if description else (similar, False)
+
+    @cached_property
     def outliers(self) -> IntArray:
         """Touches (k,) that no motion of the skin explains, most probably with a wrong channel."""
         if len(self.rows) == 0:
             return self.rows
-        height = np.nan_to_num(self.offsets[:, 2] - (np.median(self.heights) if len(self.heights) else 0.0))
-        far = np.hypot(self.residuals, height)
+        far = self._far
         usual = max(self.expected_rms, float(np.median(far)))
         return np.flatnonzero((far > OUTLIER_FACTOR * usual) & (far > OUTLIER_CELLS * max(self.patch.pitch)))
 
@@ -200,7 +254,7 @@ def _placement(patch: Patch, lines: IntArray, rows: IntArray, points: Array, dir
     axes = np.concatenate((patch.taxels.axes_link[rows], normals[:, None]), axis=1)
     offsets = (axes @ (places - centres)[:, :, None])[:, :, 0]
     offsets[is_line, 2] = np.nan
-    return Placement(patch, lines[known], rows[known], places[known], offsets[known], lines[~known])
+    return Placement(patch, lines[known], rows[known], places[known], offsets[known], directions[known], lines[~known])
 
 
 def _robust(design: Array, offsets: Array, far: float) -> tuple[Array, Array]:
@@ -272,37 +326,58 @@ def _hand(patch: Patch) -> float:
     return 1.0 if (taxels.axes_link[here, 1] * rows_apart).sum() > 0 else -1.0
 
 
-def other_order(placement: Placement) -> str | None:
-    """Describe the order of the channels of a sheet that fits the touches better; None if there is no better one."""
-    patch = placement.patch
-    rows, columns = patch.shape
+def other_orders(patch: Patch, rows: IntArray) -> Iterator[tuple[str, IntArray, bool]]:
+    """Yield other orders of the channels: a description, the taxels (m,) instead of ``rows``, whether it is a shift.
+
+    A taxel is -1 if the order has none. The most common mistakes come first.
+    """
     taxels = patch.taxels
-    if patch.kind != "sheet" or len(taxels.ids) != rows * columns:
-        return None
-    known = ~np.isnan(placement.offsets[:, 2])
-    if known.sum() < MIN_TOUCHES:
-        return None
-    places, touched = placement.places[known], placement.rows[known]
-    i, j = taxels.index[touched].T
-    number = i * columns + j
-    best, description = ORDER_GAIN * _mean(taxels.positions_link[touched] - places), None
-    row_at = np.empty((rows, columns), np.int64)
+    row_of = {channel: row for row, channel in enumerate(taxels.channels.tolist())}
+    channels = taxels.channels[rows].tolist()
+
+    def shifted(by: int) -> IntArray:
+        return np.array([row_of.get(channel + by, -1) for channel in channels], np.int64)
+
+    yield "off by one, as if counted from 1", shifted(-1), True
+    yield "off by one, each too low", shifted(1), True
+    height, width = patch.shape
+    if patch.kind != "sheet" or len(taxels.ids) != height * width:
+        return
+    yield "off by one row, each too high", shifted(-width), True
+    yield "off by one row, each too low", shifted(width), True
+    row_at = np.empty((height, width), np.int64)
     row_at[tuple(taxels.index.T)] = np.arange(len(taxels.ids))
-    for by_columns, flip_rows, flip_columns in product((False, True), repeat=3):
-        a, b = (number % rows, number // rows) if by_columns else (i, j)
-        other = row_at[rows - 1 - a if flip_rows else a, columns - 1 - b if flip_columns else b]
-        mean = _mean(taxels.positions_link[other] - places)
-        if mean < best and mean < max(patch.pitch):
-            flips = [name for name, is_so in (("rows", flip_rows), ("columns", flip_columns)) if is_so]
-            order = "column by column" if by_columns else ""
-            ends = f"{' and '.join(flips)} counted from the other end" if flips else ""
-            best, description = mean, ", ".join(part for part in (order, ends) if part)
-    return description
+    i, j = taxels.index[rows].T
+    for by, words in (
+        (-1, "columns off by one"),
+        (1, "columns off by one"),
+        (width // 2, "halves of the rows swapped"),
+    ):
+        yield words, row_at[i, (j + by) % width], True
+    number = i * width + j
+    for by_columns, turns, flip_rows, flip_columns in product((False, True), repeat=4):
+        a, b = (number % height, number // height) if by_columns else (i, j)
+        if turns:
+            a, b = (np.where(b % 2, height - 1 - a, a), b) if by_columns else (a, np.where(a % 2, width - 1 - b, b))
+        other = row_at[height - 1 - a if flip_rows else a, width - 1 - b if flip_columns else b]
+        flips = [name for name, is_so in (("rows", flip_rows), ("columns", flip_columns)) if is_so]
+        parts = ["column by column"] * by_columns
+        parts += [f"every second {'column' if by_columns else 'row'} backwards"] * turns
+        parts += [f"{' and '.join(flips)} counted from the other end"] if flips else []
+        yield ", ".join(parts), other, False
+
+
+def _cost(placement: Placement, left_out: int) -> float:
+    """Return the misfit of all touches, of those without a taxel, and of the motion, as a logarithm of odds."""
+    turn = 0.0 if placement.motion is None else placement.motion.turn
+    motion = np.log1p((_shift(placement) / USUAL_SHIFT) ** 2) + np.log1p((turn / USUAL_TURN) ** 2)
+    return float(placement.misfit.sum() + MAX_MISFIT * left_out + motion)
+
+
+def _shift(placement: Placement) -> float:
+    """Return the length of the displacement [m]."""
+    return 0.0 if placement.motion is None else float(np.linalg.norm(placement.motion.shift))
 
 
 def _listed(items: list[str]) -> str:
     return "; ".join(items[:MAX_NAMED]) + (f"; and {len(items) - MAX_NAMED} more" if len(items) > MAX_NAMED else "")
-
-
-def _mean(ends: Array) -> float:
-    return float(np.linalg.norm(ends, axis=1).mean())

@@ -21,7 +21,7 @@ def summarize(placement: Placement) -> Iterator[str]:
     if len(placement.heights):
         heights = placement.heights * 1e3
         yield f"height above the taxels: mean {heights.mean():.2f}, standard deviation {np.std(heights):.2f} mm"
-    if placement.motion is None:
+    if placement.motion is None or placement.other_order[1]:  # a displacement says nothing in a wrong order
         return
     yield _motion(placement.motion)
     residuals = np.delete(placement.residuals, placement.outliers)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..calibration.measurements import TaxelColumn
 from ..calibration.model import LinkCalibration
 from ..common.arrays import Array, IntArray, freeze, unit
-from ..common.findings import did_you_mean, show
-from ..common.tables import TableError, find_column, naming_file, number_in, read_named_rows
+from ..common.tables import TableError, find_column, names_without, naming_file, number_in, read_named_rows
 from ..common.text import read_text
 
 POINT = ("x", "y", "z")
@@ -31,6 +31,7 @@ class Touches:
     lines: IntArray  # (n,) lines of the file
     points: Array  # (n, 3) tip of the probe, or a point of the line [m]
     directions: Array  # (n, 3) unit direction of the line; zero for a point
+    unused: tuple[str, ...] = ()  # columns of the file that are not used
 
     def __post_init__(self):
         n = len(self.taxels)
@@ -46,34 +47,24 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
     - ``fx``, ``fy``, ``fz``, ``tx``, ``ty``, ``tz``: the wrench about the origin of the link, measured by a
       force-torque sensor [N, N m].
 
-    The order and the case of the names are free. Other columns are ignored.
+    The order and the case of the names are free.
     """
-    ids = [name for patch in calibration.patches for name in patch.taxels.ids]
-    by_channel = {
-        str(channel): name
-        for patch in calibration.patches
-        for name, channel in zip(patch.taxels.ids, patch.taxels.channels.tolist())
-    }
     names: list[str] = []
     lines: list[int] = []
     points_and_directions: list[tuple[Array, Array]] = []
     with naming_file(path):
         table = read_named_rows(read_text(path))
         line, header = next(table, (1, [""]))
-        who = "channel" if "channel" in header and "taxel" not in header else "taxel"
-        known = by_channel if who == "channel" else dict(zip(ids, ids))
-        owner, columns = find_column(header, who, line), _columns(header, line)
+        owner, columns = TaxelColumn.of(header, line, calibration), _columns(header, line)
+        unused = names_without(header, [*columns, owner.place])
         for line, row in table:
-            if row[owner] not in known:
-                hint = did_you_mean(row[owner], known) if who == "taxel" else ""
-                raise TableError(line, f"the calibration has no {who} {show(row[owner])}{hint}", owner + 1)
-            names.append(known[row[owner]])
+            names.append(owner.taxel(row, line))
             lines.append(line)
             points_and_directions.append(_place(row, columns, line))
         if not names:
             raise TableError(line, "the table has no row below its header", 1)
     points, directions = (np.array(part) for part in zip(*points_and_directions))
-    return Touches(tuple(names), np.array(lines), points, directions)
+    return Touches(tuple(names), np.array(lines), points, directions, unused)
 
 
 def _columns(header: Sequence[str], line: int) -> list[int]:

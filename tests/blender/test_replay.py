@@ -60,7 +60,9 @@ def test_cells_show_the_forces_of_the_frame(bpy, ours, shown):
     taxels = ours.results.find(shown.skin_calib.result.key).calibration.patches[0].taxels
     assert_allclose(layers["CONTACTS"].points[::2], taxels.corners_link[3], atol=1e-7)
     assert_allclose(layers["COP"].points[4], taxels.positions_link[3], atol=1e-6)
-    assert ours.replay.messages[record.token] == ("0.300 s: 1 contact, 4.00 N", "Flags: noise_unknown")
+    contacts, columns, flags = ours.replay.messages[record.token]
+    assert contacts == "0.300 s: 1 contact, 4.00 N" and flags == "Flags: noise_unknown"
+    assert columns == "Columns: c0 to c5 are channels 0 to 5"
     record.frame = 999
     assert record.frame == 5 and record.progress == 100
     record.progress = 41

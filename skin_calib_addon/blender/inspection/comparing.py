@@ -13,6 +13,7 @@ import numpy as np
 
 from ...calibration.exchange import FORMATS
 from ...common.arrays import Array
+from ...common.errors import listed
 from ...common.warnings import Warning
 from ...inspection.comparison import Comparison, compare, read_others
 from ...pipeline.refine import refine
@@ -80,7 +81,9 @@ def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
     check_touches(calibration, touches)
     found = placements(calibration, touches)
     many = len(calibration.patches) > 1
-    lines = (_named(p, line, many) for p in found for line in summarize(p))
+    lines = [_named(p, line, many) for p in found for line in summarize(p)]
+    if touches.unused:
+        lines.append(f"Columns not used: {listed(touches.unused)}")
     warnings = (warning for p in found for warning in p.warnings())
     _keep(link, "touches", path, lines, warnings, np.concatenate([p.places for p in found]), touches_of(found))
     return found

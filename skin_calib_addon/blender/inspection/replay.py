@@ -93,8 +93,7 @@ def _message_lines(replay: Replay, frame: Any) -> Any:
     if frame.cop is not None:
         x, y = 1e3 * frame.cop
         yield f"CoP {x:.1f}, {y:.1f} mm on the ground"
-    if replay.numbers > replay.skin.reading_length:
-        yield f"{replay.skin.reading_length} of {replay.numbers} numbers used"
+    yield f"Columns: {replay.columns}"
     if frame.problem:
         yield frame.problem
     if frame.flags:

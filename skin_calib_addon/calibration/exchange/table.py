@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...common.arrays import Array, IntArray
+from ...common.errors import listed
 from ...common.findings import Finding, did_you_mean, error, first, show, warning
 from ...common.tables import TableError, read_rows
 from ...common.text import MAX_TAXELS, NumberError, real, whole
@@ -26,6 +27,7 @@ FRAME = ("frame", "link", "parent")
 NEIGHBOURS = ("neighbours",)  # channels of the neighbours, separated by spaces
 GENTACT = ("Index", "X", "Y", "Z", "NormX", "NormY", "NormZ", "Radius", "Parent", "Object Name in Blender")
 SIGMA = ("sigma_along", "sigma_normal", "sigma_angle")  # standard uncertainty [m], [m], [rad]; empty where unknown
+NOT_NEEDED = {"patch", "area", *SIGMA, *(name.lower() for name in GENTACT)}  # of the columns that we write
 VECTORS = ("x", "y", "z", "nx", "ny", "nz", "tx", "ty", "tz")
 
 
@@ -45,8 +47,8 @@ class Columns:
 def read_table(text: str) -> Draft:
     """Read rows below a header.
 
-    The names in the header may have any order and case. Unknown columns are ignored. Without a channel, the index of
-    the row is the channel. Without a label, the channel is the label.
+    The names in the header may have any order and case. A warning names unknown columns. Without a channel, the index
+    of the row is the channel. Without a label, the channel is the label.
     """
     draft = Draft()
     rows = read_rows(text)
@@ -94,6 +96,11 @@ def _columns(draft: Draft, number: int, header: list[str]) -> Columns | None:
     position, normal, tangent = vector(POSITION, True), vector(NORMAL, False), vector(TANGENT, False)
     if draft.broken or position is None:
         return None
+    known = {name for names in (*POSITION, *NORMAL, *TANGENT, CHANNEL, LABEL, FRAME, NEIGHBOURS) for name in names}
+    unknown = [name for name in header if name and name not in known | NOT_NEEDED]
+    if unknown:
+        message = f"has columns that are not used: {listed(unknown)}"
+        draft.findings.append(warning("unused-columns", line(number), message, unknown[:100]))
     return Columns(position, normal, tangent, column(CHANNEL), column(LABEL), column(FRAME), column(NEIGHBOURS))
 
 

@@ -10,7 +10,7 @@ from ...common.errors import EmptySection, PoorFit, millimetres
 from ...common.warnings import Place, Warning, point_of
 from ..grid.grids import Grid, PlanesGrid
 from ..mesh.defects import coherent
-from ..mesh.outliers import without_outliers
+from ..mesh.outliers import stray_part, without_outliers
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import SITES_PER_SPAN, TensorBasis
 from ..sampling.lines import LineGrid
@@ -270,7 +270,7 @@ def check_coverage(mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samp
             raise EmptySection(
                 f"{name}, through {millimetres(place)}, does not intersect the mesh. "
                 + (
-                    "Move it, increase the margin, or choose another axis."
+                    f"Move it, increase the margin, or choose another axis.{stray_part(mesh)}"
                     if lines.closed or coherent(mesh) is mesh
                     else FLIPPED_ADVICE
                 ),

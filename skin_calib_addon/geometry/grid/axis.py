@@ -10,6 +10,7 @@ from scipy.spatial import ConvexHull
 from ...common.arrays import Array, BoolArray, ComplexArray, IntArray, unit
 from ...common.errors import EmptySection, InvalidPlan, millimetres
 from ...common.warnings import Place, Warning, point_of
+from ..mesh.outliers import stray_part
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import TubeFrame, frame_of, link_direction, link_side
 from ..sampling.planes import Planes
@@ -246,7 +247,8 @@ def axis_with_taper(mesh: TriangleMesh) -> tuple[TubeFrame, float]:
                 "sheet, choose a grid across a face."
             )
         if len(centres) < 2:
-            raise EmptySection("No axis was found: sections across the mesh are empty. Give the axis in the plan.")
+            cause = stray_part(mesh) or " Give the axis in the plan."
+            raise EmptySection(f"No axis was found: sections across the mesh are empty.{cause}")
         weights = weights[planes] / weights[planes].sum()
         point = weights @ centres
         direction = np.linalg.svd(np.sqrt(weights)[:, None] * (centres - point))[2][0]
@@ -324,7 +326,7 @@ def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None,
         opening, place = _opening(hit, stations, angles, frame)
         raise EmptySection(
             f"No section across the axis is closed. {opening} Close it, use a grid over a sector or a face, or give "
-            "the axis.",
+            f"the axis.{stray_part(mesh)}",
             place=place,
         )
     low, high = run_between(lambda stations: hits(stations).all(axis=1), stations, first, last)
@@ -332,7 +334,7 @@ def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None,
         opening, place = _opening(hit, stations, angles, frame)
         raise EmptySection(
             f"The closed part of the tube is shorter than {MIN_TUBE_LENGTH * 1e3:g} mm. {opening} Close it, use a grid "
-            "over a sector or a face, or give the axis.",
+            f"over a sector or a face, or give the axis.{stray_part(mesh)}",
             place=place,
         )
     return low, high

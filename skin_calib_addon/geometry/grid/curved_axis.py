@@ -8,6 +8,7 @@ import numpy as np
 
 from ...common.arrays import Array, BoolArray, unit
 from ...common.errors import EmptySection, InvalidPlan
+from ..mesh.outliers import stray_part
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import TubeFrame
 from ..sampling.planes import Planes
@@ -93,7 +94,8 @@ def find_curved_axis(mesh: TriangleMesh, frame: TubeFrame) -> CurvedAxis | None:
         planes = axes[-1].planes(stations)
         centres, _, complete = section_centres(mesh, planes, axes[-1].fan(stations, FULL_TURN_ANGLES))
         if len(centres) <= CURVE_DEGREE:
-            raise EmptySection("No axis was found for the sections of the mesh. Give the axis, or cut the mesh.")
+            cause = stray_part(mesh) or " Give the axis, or cut the mesh."
+            raise EmptySection(f"No axis was found for the sections of the mesh.{cause}")
         offsets.append(np.sqrt(((centres - planes.points[complete]) ** 2).sum(axis=1).mean()))
         axes.append(curve_through(centres, axes[-1].e1[0]))
     return axes[int(np.argmin(offsets))]
@@ -149,7 +151,7 @@ def curved_axis_span(mesh: TriangleMesh, axis: CurvedAxis, margin: float | None)
     if high - low < MIN_TUBE_LENGTH:
         raise EmptySection(
             f"The closed part along the curved axis is shorter than {MIN_TUBE_LENGTH * 1e3:g} mm. "
-            "Use a grid over a sector or a face, or give the axis."
+            f"Use a grid over a sector or a face, or give the axis.{stray_part(mesh)}"
         )
     if margin is None:
         return low, high

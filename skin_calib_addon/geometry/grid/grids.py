@@ -8,6 +8,7 @@ import numpy as np
 from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidPlan
 from ...common.warnings import Place, Warning, point_of
+from ..mesh.outliers import stray_part
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import TubeFrame, frame_of
 from ..sampling.lines import LineGrid
@@ -314,7 +315,7 @@ def length_warnings(region: Region, parametrization: Parametrization, mesh: Tria
             "short-surface",
             "warning",
             f"The surface covers {covered * 1e3:.1f} mm of the {length * 1e3:.1f} mm of the mesh along the axis. "
-            f"Beyond the end {place.words}, sections are open{gap}.",
+            f"Beyond the end {place.words}, sections are open{gap}.{stray_part(mesh)}",
             place,
             covered / length,
             "Close the hole, cut away the open part, choose another axis, a sector or a face, or give the margin.",

@@ -1,10 +1,11 @@
-"""Outliers of a mesh: single vertices that stand off from a surface that is smooth around them."""
+"""Outliers of a mesh: single vertices that stand off from a smooth surface around them, and parts far from the rest."""
 
 from functools import lru_cache
 
 import numpy as np
 
 from ...common.arrays import Array, BoolArray, IntArray, cross, unit
+from ...common.errors import counted, millimetres
 from ...common.warnings import Place, Warning, point_of
 from .triangle_mesh import TriangleMesh, at_rims
 
@@ -22,6 +23,33 @@ MIN_RING_COSINE = 0.9
 MIN_STEEPNESS = 2.0
 # [1] most rounds; each removes the highest outlier of each group. Larger: larger groups of outliers are found.
 MAX_ROUNDS = 6
+# [fraction of the faces] of all stray parts together. Larger: parts of the link are called stray.
+MAX_STRAY_FRACTION = 0.01
+# [fraction of the size of the rest] least distance of a stray part from the box around the rest. Larger: fewer are
+# named.
+MIN_STRAY_DISTANCE = 0.1
+
+
+def stray_part(mesh: TriangleMesh) -> str:
+    """Return a sentence about the part that is farthest from the rest of the mesh, with a space before it, or nothing.
+
+    Such a part, as a facet that was left over, changes the ends of the link, and thereby its sections and axis.
+    """
+    counts = np.bincount(mesh.pieces)
+    loose = (counts < MAX_STRAY_FRACTION * counts.sum())[mesh.pieces]
+    if not 0 < loose.sum() < MAX_STRAY_FRACTION * len(loose):  # of a link of many small parts, none is stray
+        return ""
+    middles, rest = mesh.triangles.mean(axis=1), mesh.triangles[~loose].reshape(-1, 3)
+    low, high = rest.min(axis=0), rest.max(axis=0)
+    beyond = np.linalg.norm(np.maximum(np.maximum(low - middles, middles - high), 0), axis=1) * loose
+    face = int(beyond.argmax())
+    if beyond[face] < MIN_STRAY_DISTANCE * np.linalg.norm(high - low):
+        return ""
+    part = counted(int(counts[mesh.pieces[face]]), "face")
+    return (
+        f" A loose part of {part} at {millimetres(middles[face])} is {beyond[face] * 1e3:.1f} mm away from the rest of "
+        "the mesh: delete it if it is left over."
+    )
 
 
 @lru_cache(maxsize=4)

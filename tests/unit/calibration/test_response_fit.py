@@ -131,6 +131,28 @@ def test_hysteresis_is_reported_and_halved():
     assert "N smaller while it rises" in about(backwards, "hysteresis")[0]
 
 
+@pytest.mark.parametrize("fraction", [0.1, 0.4, 0.6])
+def test_large_hysteresis_is_no_independence(fraction):
+    """Unloading a foam with a fraction of the force of loading: the warning states it, and nothing else."""
+    up = np.linspace(0, 255, 40)
+    loading = 3.85 * (up / 255) ** 1.3
+    fit = fit_response(np.concatenate((up, up[::-1])), np.concatenate((loading, (1 - fraction) * loading[::-1])))
+    (warning,) = fit.warnings
+    assert warning.code == "hysteresis" and "N larger while it rises than while it falls" in warning.message
+    stated = float(warning.message.split("%")[0].split()[-1]) / 100
+    assert stated == pytest.approx(fraction, rel=0.11)
+
+
+def test_scatter_is_no_independence():
+    """Two taxels of other gains in one table: the readings depend on the force, but do not determine it.
+
+    The larger force of each reading follows a rise more often than not, which is no hysteresis.
+    """
+    forces = np.random.default_rng(3).uniform(0, 10, 200)
+    (warning,) = fit_response(np.where(np.arange(200) % 2, 10, 25) * forces, forces).warnings
+    assert warning.code == "poor-response" and "scatters by 1." in warning.message and "hardly" not in warning.message
+
+
 def test_hysteresis_is_reported_for_constant_forces():
     """Steps of 1 N up to 12 N and back, with 20 readings each: the last change gives the direction."""
     forces = np.repeat(np.concatenate((np.arange(13.0), np.arange(11.0, 0, -1))), 20)

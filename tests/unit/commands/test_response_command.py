@@ -105,6 +105,17 @@ def test_taxels_without_measurements_keep_what_they_had(folder, capsys):
     assert after.responses == () and all(len(p.taxels.responses) == 0 for p in after.patches)
 
 
+def test_taxels_are_named_by_channels_too(folder, capsys):
+    """The column was ignored, and the measurements of all taxels gave one response. Other columns are named."""
+    rows = [(c, r, f * (1 + c), 21.5) for c in (0, 1) for r, f in zip(READINGS, FORCES)]
+    write(folder / "t.csv", "channel,reading,force,temperature", rows)
+    assert respond(folder, table="t.csv") == 0
+    assert "columns          not used: temperature\n" in capsys.readouterr().out
+    after = load_calibration(folder / "out.json")
+    first, second = TaxelResponses.of(after).forces(np.full(8, 100.0))[:2]
+    np.testing.assert_allclose((first, second), forearm_truth(100.0) * np.array((1, 2)), rtol=0, atol=0.06)
+
+
 def test_warnings_name_their_taxel(folder, capsys):
     """Warnings are lines on stderr; the calibration is written all the same."""
     write(folder / "t.csv", "taxel,reading,force", [(n, r, r / 10) for n in ("s0.0", "h1") for r in (-0.0, 10, 20)])

@@ -14,11 +14,12 @@ from skin_calib_addon.calibration import Modality, Response, ResponseTable, load
 from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import CalibrationFormatError
 from skin_calib_addon.inspection.recording import read_recording
-from skin_calib_addon.runtime import load
+from skin_calib_addon.runtime import Skin, load
 from tests.samples import plane, small_calibration
 from tests.soles import sole_patch
 
 N = 42
+NAMES = "c0,c1,c2,c3,c4,c5,c6,c7"  # columns of a skin of eight taxels
 
 
 @pytest.fixture
@@ -30,6 +31,12 @@ def calibration(tmp_path):
     )
     save_calibration(sole, path)
     return path
+
+
+@pytest.fixture
+def skin():
+    """Return a skin of eight taxels."""
+    return Skin(small_calibration())
 
 
 def readings(frames=12):
@@ -80,26 +87,38 @@ def test_missing_numbers_are_flagged_not_refused(calibration, tmp_path, capsys):
     out = tmp_path / "out.jsonl"
     assert main(["replay", str(calibration), str(path), "-o", str(out), "--on", "0.2"]) == 0
     frames_out = [json.loads(line) for line in out.read_text().splitlines()]
-    assert [t["flags"] for t in frames_out] == [[], ["not_finite"], ["wrong_length"], ["dropped"]]
+    assert [t["flags"] for t in frames_out] == [[], ["not_finite"], ["wrong_length"], []]
     assert (
         frames_out[2]["wrench"] is None and frames_out[2]["touched"] is None and "needs 42" in frames_out[2]["reason"]
     )
     assert "warning: wrong_length in 1 of 4 frames" in capsys.readouterr().err
 
 
-def test_columns_with_numbered_names_count_by_their_numbers(tmp_path):
-    """The order of such columns does not matter, and other columns are not channels. Without them the order counts."""
+def test_order_of_the_columns_does_not_count(calibration, tmp_path, capsys):
+    """Columns with numbers give the frames of the table with the usual order; the summary states the columns."""
     time, rows = readings(2)
     path = as_csv(tmp_path / "r.csv", time, rows)
-    backwards = [[cells[0], *cells[:0:-1]] for cells in (line.split(",") for line in path.read_text().splitlines())]
-    path.write_text("\n".join(map(",".join, backwards)))
-    assert [reading.tolist() for _, reading in read_recording(path)] == rows.tolist()
-    path.write_text("time,channel_0,channel_2,channel_1\n0,5,6\n")
-    assert [reading.tolist() for _, reading in read_recording(path)] == [[5.0]]
-    path.write_text("time,true_x,channel_1,channel_0\n0,7,5,6\n")
-    assert [reading.tolist() for _, reading in read_recording(path)] == [[6.0, 5.0]]
-    path.write_text("time,left,channel\n0,5,6\n")
-    assert [reading.tolist() for _, reading in read_recording(path)] == [[5.0, 6.0]]
+    forwards = [line.split(",") for line in path.read_text().splitlines()]
+    path.write_text("\n".join(",".join([*cells[:0:-1], "1.5", f"{1e3 * float(cells[0])}"]) for cells in forwards[1:]))
+    names = [*(f"s{k + 1}" for k in reversed(range(N))), "total", "t_ms"]
+    path.write_text(",".join(names) + "\n" + path.read_text())
+    recording = read_recording(path, load(calibration))
+    found = list(recording.frames)
+    assert [reading.tolist() for _, reading in found] == rows.tolist()
+    np.testing.assert_allclose([t for t, _ in found], time, atol=1e-12)
+    assert main(["replay", str(calibration), str(path)]) == 0
+    columns = "t_ms is the time [0.001 s]; s1 to s42 are channels 0 to 41, counted from 1; not used: total"
+    assert f"columns          {columns}\n" in capsys.readouterr().out
+
+
+def test_more_numbers_than_channels_are_a_warning(calibration, tmp_path, capsys):
+    """Numbers of an array have no names: the first one may be a counter."""
+    time, rows = readings(2)
+    np.savez(tmp_path / "r.npz", time=time, readings=np.column_stack((rows, rows[:, :1])))
+    assert main(["replay", str(calibration), str(tmp_path / "r.npz")]) == 0
+    said = capsys.readouterr()
+    assert "more numbers than the skin needs (readings[:, 0] to readings[:, 41] are channels 0 to 41; not" in said.err
+    assert "not used: readings[:, 42]\n" in said.out
 
 
 def test_replay_takes_rest_and_thresholds(calibration, tmp_path, capsys):
@@ -117,20 +136,20 @@ def test_replay_takes_rest_and_thresholds(calibration, tmp_path, capsys):
     ("text", "message"),
     [
         ("", "is empty. Check that it was written completely."),
-        ("\n", "line 1: the header of a recording must be time and one name for each channel"),
-        ("t,a\n1,2\n", "line 1: the header of a recording must be time"),
-        ("time,channel_0,channel_2\n0,1,2\n", "line 1: the header has no channel_1. Name the channels channel_0 to"),
-        ("time,channel_1,channel_0,channel_1\n0,1,2,3\n", "line 1: the header names channel_1 twice"),
-        ("time,a\n0,1\n1,x\n", "line 3, column 2: has 'x' instead of a number"),
-        ('time,a\n0,"1\n', "is not a row of a table"),
+        ("\n", "line 1: the header has no time; it has none. Name a column 'time'"),
+        (f"u,{NAMES}\n1,2\n", "line 1: the header has no time; it has .*, "),
+        (f"time,{NAMES},c0\n0,1,2,3\n", "line 1: the header names c0 twice"),
+        (f"time,{NAMES}\n0,1\n1,x\n", "line 3, column 2: has 'x' instead of a number"),
+        (f'time,{NAMES}\n0,"1\n', "is not a row of a table"),
+        ('time,"a\n', "line 1: is not a row of a table"),
     ],
 )
-def test_bad_table_is_refused_with_its_position(text, message, tmp_path):
+def test_bad_table_is_refused_with_its_position(text, message, skin, tmp_path):
     """The message names file, line and column."""
     path = tmp_path / "r.csv"
     path.write_text(text)
     with pytest.raises(CalibrationFormatError, match=message):
-        list(read_recording(path))
+        list(read_recording(path, skin).frames)
 
 
 @pytest.mark.parametrize(
@@ -143,26 +162,26 @@ def test_bad_table_is_refused_with_its_position(text, message, tmp_path):
         ({"time": np.array([None]), "readings": np.zeros((1, 2))}, "cannot read .* allow_pickle"),
     ],
 )
-def test_bad_archive_is_refused(arrays, message, tmp_path):
+def test_bad_archive_is_refused(arrays, message, skin, tmp_path):
     """The message names the missing array or the wrong shape; no content is executed."""
     path = tmp_path / "r.npz"
     np.savez(path, **arrays)
     with pytest.raises(CalibrationFormatError, match=message):
-        list(read_recording(path))
+        list(read_recording(path, skin).frames)
 
 
-def test_file_that_is_not_an_archive_is_refused(tmp_path):
+def test_file_that_is_not_an_archive_is_refused(skin, tmp_path):
     """The message does not advise to trust the file, as that of the library does."""
     path = tmp_path / "r.npz"
     path.write_bytes(bytes(range(256)) * 8)
     with pytest.raises(
         CalibrationFormatError, match="cannot read .*r.npz': it is not an NPZ file; save it with numpy.savez"
     ):
-        list(read_recording(path))
+        list(read_recording(path, skin).frames)
 
 
 @pytest.mark.parametrize("place", range(24))
-def test_damaged_archive_is_one_error(place, tmp_path):
+def test_damaged_archive_is_one_error(place, skin, tmp_path):
     """Wrong bytes anywhere in the file: the reader of the library raises errors of many types."""
     path = tmp_path / "r.npz"
     time, rows = readings()
@@ -172,14 +191,14 @@ def test_damaged_archive_is_one_error(place, tmp_path):
     data[at : at + 9] = bytes(255 - byte for byte in data[at : at + 9])
     path.write_bytes(data)
     try:
-        frames = list(read_recording(path))
+        frames = list(read_recording(path, skin).frames)
     except CalibrationFormatError as error:
         assert "r.npz" in str(error)
     else:  # a part of the file that nothing reads
         assert_array_equal([row for _, row in frames], rows)
 
 
-def test_archive_that_expands_too_much_is_refused(tmp_path):
+def test_archive_that_expands_too_much_is_refused(skin, tmp_path):
     """Its header states its size before memory is used: 2 MB of file would become 3 GB."""
     path = tmp_path / "r.npz"
     header = io.BytesIO()
@@ -189,15 +208,15 @@ def test_archive_that_expands_too_much_is_refused(tmp_path):
         with archive.open("time.npy", "w") as file:
             np.save(file, np.arange(400_000.0))
     with pytest.raises(CalibrationFormatError, match="r.npz' has 400000000 numbers in the array 'readings', more than"):
-        list(read_recording(path))
+        list(read_recording(path, skin).frames)
 
 
-def test_row_with_more_cells_than_the_header_is_refused(tmp_path):
+def test_row_with_more_cells_than_the_header_is_refused(skin, tmp_path):
     """A number more in one row moves all channels after it."""
     path = tmp_path / "r.csv"
-    path.write_text("time,a,b\n0,1,2\n1,1,2,3\n")
-    with pytest.raises(CalibrationFormatError, match="r.csv', line 3: the row has 4 columns, but the header has 3"):
-        list(read_recording(path))
+    path.write_text(f"time,{NAMES}\n0{8 * ',1'}\n1{9 * ',1'}\n")
+    with pytest.raises(CalibrationFormatError, match="r.csv', line 3: the row has 10 columns, but the header has 9"):
+        list(read_recording(path, skin).frames)
 
 
 def test_tare_beyond_the_recording_is_refused(calibration, tmp_path, capsys):
@@ -211,11 +230,11 @@ def test_tare_beyond_the_recording_is_refused(calibration, tmp_path, capsys):
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no pipes of this kind")
 @pytest.mark.parametrize("name", ["r.npz", "r.csv"])
-def test_pipe_is_refused_without_waiting(name, tmp_path):
+def test_pipe_is_refused_without_waiting(name, skin, tmp_path):
     """A reader could wait for a writer without end."""
     os.mkfifo(tmp_path / name)
     with pytest.raises(CalibrationFormatError, match=f"{name}': it is not a regular file. Name a file"):
-        list(read_recording(tmp_path / name))
+        list(read_recording(tmp_path / name, skin).frames)
 
 
 NEAR = Modality("proximity", "m", ResponseTable((0.0, 4000.0), (0.2, 0.0)))
@@ -226,6 +245,22 @@ def with_proximity(calibration, tmp_path):
     path = tmp_path / "near.calibration.json"
     save_calibration(dataclasses.replace(load_calibration(calibration), modalities=(NEAR,)), path)
     return path
+
+
+def test_tare_under_load_is_refused_or_named(calibration, tmp_path, capsys):
+    """A foot that steps during it is refused. One that stands still gives an offset that the summary states."""
+    rng, steps = np.random.default_rng(1), np.maximum(np.sin(np.arange(90) / 4), 0)[:, None]
+    time, rows = 0.03 * np.arange(90), 10 * steps + rng.normal(0, 0.05, (90, N))
+    out = tmp_path / "out.jsonl"
+    path = as_csv(tmp_path / "r.csv", time, rows)
+    assert main(["replay", str(calibration), str(path), "--tare", "40", "-o", str(out)]) == 1
+    assert "r.csv', frames of --tare: the 40 readings for a tare are not at rest: the" in capsys.readouterr().err
+    assert not out.exists()
+    rows[:30] = 10 + rng.normal(0, 0.05, (30, N))
+    assert main(["replay", str(calibration), str(as_csv(path, time, rows)), "--tare", "30"]) == 0
+    said = capsys.readouterr()
+    assert "rest             30 frames; 4" in said.out and "in total count as offset, at most 10." in said.out
+    assert "of 90 frames: something may have pressed during those of --tare" in said.err
 
 
 def test_replay_takes_modalities_of_an_npz_file(calibration, tmp_path, capsys):
@@ -277,6 +312,9 @@ def test_bad_calls_give_a_reason_and_no_file(calibration, tmp_path, capsys):
     time, rows = readings()
     path, out = as_csv(tmp_path / "r.csv", time, rows[:, :5]), tmp_path / "out.jsonl"
     assert main(["replay", str(calibration), str(path), "-o", str(out)]) == 1
+    assert "line 1: the header has 5 columns for the 42 channels of the skin" in capsys.readouterr().err
+    np.savez(tmp_path / "r.npz", time=time, readings=rows[:, :5])
+    assert main(["replay", str(calibration), str(tmp_path / "r.npz"), "-o", str(out)]) == 1
     assert "does not fit the skin: the reading has 5 channels" in capsys.readouterr().err
     broken = tmp_path / "broken.npz"
     broken.write_bytes(b"PK\x03\x04 nothing")
@@ -285,7 +323,7 @@ def test_bad_calls_give_a_reason_and_no_file(calibration, tmp_path, capsys):
     assert main(["replay", str(calibration), str(tmp_path / "none.csv"), "-o", str(out)]) == 1
     assert "Check the path" in capsys.readouterr().err
     empty = tmp_path / "empty.csv"
-    empty.write_text("time,a\n")
+    empty.write_text(as_csv(path, time, rows).read_text().splitlines()[0])
     assert main(["replay", str(calibration), str(empty), "-o", str(out)]) == 1
     assert "contains no frame" in capsys.readouterr().err
     assert main(["replay", str(calibration), str(path), "-o", str(tmp_path / "no" / "out")]) == 2

@@ -61,17 +61,17 @@ def test_time_never_decreases(calibration, times, seconds):
     assert replay.duration > 0
 
 
-def test_longer_readings_are_accepted_and_shorter_ones_refused(calibration):
+def test_longer_readings_are_accepted_and_shorter_ones_refused(calibration, tmp_path):
     """Electronics may send more values than the skin has; a frame with too few values is named."""
-    assert Replay(calibration, recording(numbers=11), "r.csv").numbers == 11
+    assert len(Replay(calibration, recording(numbers=11), "r.csv")) == 5
     short = [*recording(), (1.0, np.ones(7))]
     with pytest.raises(CalibrationFormatError, match="'r.csv', frame 5: the reading has 7 channels, .* needs 8"):
         Replay(calibration, short, "r.csv")
     with pytest.raises(CalibrationFormatError, match="'r.csv' has no frame"):
         Replay(calibration, [], "r.csv")
     bare = dataclasses.replace(calibration, patches=())
-    with pytest.raises(CalibrationFormatError, match="forearm has no taxel"):
-        Replay(bare, recording(), "r.csv")
+    with pytest.raises(CalibrationFormatError, match="forearm has no taxels, so '.*r.csv' cannot be replayed"):
+        Replay.read(bare, tmp_path / "r.csv")
 
 
 def test_recording_that_is_too_long_is_refused(calibration, monkeypatch):

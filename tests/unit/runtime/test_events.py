@@ -109,11 +109,11 @@ def test_events_and_full_readings_mix():
     rng = np.random.default_rng(3)
     full, events = (Skin(SKINS["both"]) for _ in range(2))
     rows, times = pushes(150, rng)
-    now = rows[0].astype(float)
+    now, rest = rows[0].astype(float), np.rint(rng.normal(100, 2, (25, LENGTH)))
     for k, (row, time) in enumerate(zip(rows, times)):
         if k % 50 == 20:
             for skin in (full, events):
-                skin.tare(rows[:25])
+                skin.tare(rest)
         if k == 90:
             for skin in (full, events):
                 skin.mask(["sole.3", "sole.8"])

@@ -240,6 +240,29 @@ def test_time_that_is_wrong_is_flagged(times, flags):
     assert frame.flags == set(flags)
 
 
+@pytest.mark.parametrize("unusable", [np.full(N, np.nan), np.ones(3), "text"])
+def test_frames_without_a_reading_are_no_missing_frames(unusable):
+    """For 1.5 s at even times nothing can be read: no frame is dropped. Contacts from before are forgotten."""
+    skin, flags, numbers = sole(), set(), set()
+    for k in range(400):
+        frame = skin.update(unusable if 100 <= k < 250 else pressed_everywhere(), 0.01 * k)
+        flags |= frame.flags
+        numbers |= {contact.number for contact in frame.contacts}
+    assert not flags & {"dropped", "time_jump", "time_back"} and len(numbers) == 2
+    assert {"blind", "wrong_length", "wrong_type"} & flags
+    frame = skin.update(unusable, 4.02)
+    assert "dropped" in frame.flags and "dropped" not in skin.update(pressed_everywhere(), 4.03).flags
+
+
+def test_batch_forgets_contacts_after_a_blind_second():
+    """An active taxel that would stay active is none after it, as in the loop."""
+    rows, times = np.zeros((300, N)), 0.01 * np.arange(300)
+    rows[:150, 3], rows[150:, 3], rows[20:150] = 0.3, 0.15, np.nan
+    skin = sole()
+    expected = [skin.update(row, time).active for row, time in zip(rows, times)]
+    assert (sole().batch(rows, times).active == expected).all() and not expected[-1].any() and expected[0].any()
+
+
 def test_usual_period_is_that_of_regular_frames():
     """After any number of regular frames a missing one is found; one long gap changes the period by a tenth at most."""
     clock, time = Clock(), 0.0

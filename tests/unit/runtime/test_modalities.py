@@ -136,6 +136,7 @@ def test_events_take_modalities_too():
     for others, problem in refused:
         frame = events.update_events([3], [1.0], 0.2, others)
         assert problem in frame.problem and frame.flags == {"wrong_type"} and frame.touched is None
+    assert full.update(None, 0.2).touched is None
     same(full.update(now, 0.3), events.update_events([], [], 0.3))
 
 

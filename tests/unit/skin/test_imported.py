@@ -90,6 +90,28 @@ def test_frames_are_orthonormal_and_corners_counter_clockwise(positions, surface
     assert result.findings == ()
 
 
+@pytest.mark.parametrize(
+    ("named", "link", "is_other"),
+    [
+        ("r_other", "L", True),
+        ("r_forearm", "l_forearm", True),
+        ("left_forearm", "r_forearm_link", True),
+        ("l_upper_arm", "l_upper_leg", True),
+        ("left_forearm", "l_forearm", False),
+        ("r_hand_dh_frame", "RightHand", False),
+        ("forearm", "l_forearm", False),
+        (None, "l_forearm", False),
+    ],
+)
+def test_other_link_in_the_file_is_a_warning(named, link, is_other):
+    """Parts are taken for each other. A frame of the user says how the taxels belong to the link."""
+    taxels = taxel_set(flat(lattice(3, 3, "square"), 0.0007), frame=named)
+    found = codes(imported_taxels(taxels, plane_surface(), "skin").on(link))
+    assert found == ({"other-link": named} if is_other else {})
+    moved = imported_taxels(taxels, plane_surface(), "skin", frame=(np.eye(3), np.zeros(3)))
+    assert codes(moved.on(link)) == {}
+
+
 def test_positions_stay_and_gaps_are_their_heights():
     """Taxels above the plane, below it and on it keep their positions; the parameters are those of the footpoint."""
     heights = np.array([0.005, -0.002, 0.0, 0.001])

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.common.errors import CalibrationFormatError
-from skin_calib_addon.validation import Touches, placements, read_touches
+from skin_calib_addon.validation import Touches, placements, read_touches, summarize
 from skin_calib_addon.validation.placement import flat_places
 from tests.samples import RADIUS, boards, seven_boards, sheet, small_calibration
 
@@ -149,17 +149,69 @@ def by_columns(i, j):
         (lambda i, j: (ROWS - 1 - i) * COLUMNS + COLUMNS - 1 - j, "rows and columns counted from the other end"),
         (by_columns, "column by column"),
         (lambda i, j: by_columns(ROWS - 1 - i, j), "column by column, rows counted from the other end"),
+        (lambda i, j: i * COLUMNS + np.where(i % 2, COLUMNS - 1 - j, j), "every second row backwards"),
+        (lambda i, j: i * COLUMNS + (j + 1) % COLUMNS, "columns off by one"),
+        (lambda i, j: i * COLUMNS + (j + COLUMNS // 2) % COLUMNS, "halves of the rows swapped"),
     ],
 )
 def test_another_order_of_the_channels_is_named(number, words):
-    """The most common mistake: the electronics count in another order than the plan."""
+    """The most common mistake: the electronics count in another order than the plan. The sheet may be moved, too."""
     i, j = SHEET.taxels.index.T
     cells = np.random.default_rng(1).integers(0, len(i), 40)
-    points = points_after_motion(cells, 0.0, 0.0, PITCH)
-    (found,) = placements(CALIBRATION, touched(CALIBRATION, number(i[cells], j[cells]), points))
-    (warning,) = found.warnings()
-    assert warning.code == "channel-order"
-    assert warning.message == f"The touches of sheet fit another order of its channels: {words}."
+    for shift, turn in (((0.0, 0.0), 0.0), ((0.006, 0.004), 0.04)):
+        points = points_after_motion(cells, shift, turn, PITCH)
+        (found,) = placements(CALIBRATION, touched(CALIBRATION, number(i[cells], j[cells]), points))
+        (warning,) = found.warnings()
+        assert warning.code == "channel-order"
+        assert warning.message == f"The touches of sheet fit another order of its channels: {words}."
+        assert not any("shifted" in line for line in summarize(found))
+
+
+@pytest.mark.parametrize(
+    ("by", "words"),
+    [
+        (1, "off by one, as if counted from 1"),
+        (-1, "off by one, each too low"),
+        (COLUMNS, "off by one row, each too high"),
+        (-COLUMNS, "off by one row, each too low"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["points", "wrenches"])
+def test_shifted_channels_are_no_shifted_skin(by, words, kind):
+    """Touches at the ends of the rows are far from their taxels after any displacement, but not in the right order."""
+    rows = np.arange(ROWS * COLUMNS)
+    rows = rows[(rows + by >= 0) & (rows + by < ROWS * COLUMNS)]
+    points = points_after_motion(rows, (0.003, 0.0), 0.0, 0.3 * PITCH)
+    directions = -SHEET.taxels.normals_link[rows] if kind == "wrenches" else None
+    (found,) = placements(CALIBRATION, touched(CALIBRATION, rows + by, points, directions))
+    if abs(by) == 1:
+        assert found.other_order == (words, True)
+    else:  # a displacement of a row explains all touches as well
+        assert found.other_order == (words, False)
+        (warning,) = found.warnings()
+        assert warning.message == f"The displacement of sheet may be another order of its channels: {words}."
+
+
+def test_order_of_wrenches_depends_on_the_side_that_they_push():
+    """The line of a press goes through both sides of the link."""
+    i, j = SHEET.taxels.index.T
+    rows = np.arange(ROWS * COLUMNS)
+    points = points_after_motion(rows, 0.0, 0.0, 0.0)
+    wrong = i * COLUMNS + COLUMNS - 1 - j
+    (found,) = placements(CALIBRATION, touched(CALIBRATION, wrong, points, -SHEET.taxels.normals_link))
+    assert found.other_order == ("columns counted from the other end", True)
+
+
+@pytest.mark.parametrize("wrong", [1, 20])
+def test_wrong_wires_are_no_other_order(wrong):
+    """One wrong wire, and channels at random, fit no order: nothing is stated about it."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        rows = rng.integers(0, ROWS * COLUMNS, 20)
+        points = points_after_motion(rows, (0.002, 0.001), 0.02, PITCH, seed)
+        rows[:wrong] = rng.integers(0, ROWS * COLUMNS, wrong)
+        (found,) = placements(CALIBRATION, touched(CALIBRATION, rows, points))
+        assert found.other_order == ("", False)
 
 
 def test_few_touches_give_no_motion():
@@ -214,6 +266,7 @@ def test_tables_are_read_by_their_names(tmp_path):
     found = read(tmp_path, [("# robot 3",), ("note", "Z", "x", "Y", "Taxel"), ("a", 0.3, 0.1, 0.2, "s1.2")])
     assert found.taxels == ("s1.2",) and found.lines.tolist() == [3]
     assert found.points.tolist() == [[0.1, 0.2, 0.3]] and not found.directions.any()
+    assert found.unused == ("note",)
     assert read(tmp_path, [("channel", "x", "y", "z"), (14, 0, 0, 0)]).taxels == ("s1.2",)
 
 
@@ -225,7 +278,7 @@ def test_tables_are_read_by_their_names(tmp_path):
             [("taxel", "x", "y", "z"), ("s1.22", 0, 0, 0)],
             'line 2, column 1: the calibration has no taxel "s1.22"',
         ),
-        ([("channel", "x", "y", "z"), (900, 0, 0, 0)], 'line 2, column 1: the calibration has no channel "900"'),
+        ([("channel", "x", "y", "z"), (72, 0, 0, 0)], 'has no channel "72"; its channels are 0 to 71'),
         ([("taxel", "x", "y", "z"), ("s1.2", 0, "nan", 0)], "line 2, column 3: "),
         ([("taxel", "x", "y", "z"), ("s1.2", 0, 31.5, 0)], "divide millimetres by 1000"),
         ([("taxel", "fx", "fy", "fz", "tx", "ty")], 'the header names no column "tz"'),

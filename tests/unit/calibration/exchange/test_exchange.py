@@ -228,7 +228,9 @@ def test_columns_are_found_by_name(read, header, channel, label):
     first |= {"x": 0.1, "y": 0.2, "z": 0.3, "nx": 0.0, "ny": 0.6, "nz": 0.8}
     names = [name.strip().lower().replace("normal_", "n").replace("norm", "n") for name in header.split(",")]
     taxels = read(f"{header}\n" + ",".join(str(first[name]) for name in names))
-    assert taxels.channels.tolist() == [channel] and taxels.labels == (label,) and taxels.findings == ()
+    assert taxels.channels.tolist() == [channel] and taxels.labels == (label,)
+    unknown = [finding.value for finding in taxels.findings]  # is named, because it could have a meaning
+    assert unknown == ([["remark"]] if "remark" in header else [])
     assert taxels.positions.tolist() == [[0.1, 0.2, 0.3]]
     assert_allclose(taxels.normals, [[0, 0.6, 0.8]], rtol=0, atol=1e-12)
 

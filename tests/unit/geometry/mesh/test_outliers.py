@@ -1,12 +1,15 @@
 """Single vertices that stand off from the surface around them."""
 
+import re
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from skin_calib_addon.geometry import TubeGrid, fit_surface, fit_to_tolerance, weld
+from skin_calib_addon.common.errors import EmptySection
+from skin_calib_addon.geometry import Axis, TubeGrid, fit_surface, fit_to_tolerance, weld
 from skin_calib_addon.geometry.mesh.defects import diagnose
-from skin_calib_addon.geometry.mesh.outliers import flattened, without_outliers
+from skin_calib_addon.geometry.mesh.outliers import flattened, stray_part, without_outliers
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from tests.shapes import LENGTH, Z_AXIS, box, cone, cylinder, sheet, together, with_hole, wrist
 
@@ -130,3 +133,38 @@ def test_check_of_the_mesh_names_outliers():
     (finding,) = (w for w in diagnose(spiked.vertices, spiked.faces).findings() if w.code == CODE)
     assert np.linalg.norm(places[0] - finding.where.point) < 1e-9
     assert not any(w.code == CODE for w in diagnose(wrist().vertices, wrist().faces).findings())
+
+
+def facet_at(*corner):
+    """Return a facet of 4 mm."""
+    return weld(np.array(corner) + np.array(((0, 0, 0), (0.004, 0, 0), (0, 0.004, 0))), [[0, 1, 2]])
+
+
+@pytest.mark.parametrize(
+    ("corner", "grid", "message"),
+    [
+        ((0, 0, 0.9), TubeGrid(6, 12), "No axis was found: .* are empty. A loose part of 1 face"),
+        ((0.5, 0.5, 0.9), TubeGrid(6, 12), "No axis was found: .* are empty. A loose part of 1 face"),
+        ((0, 0, 0.17), TubeGrid(6, 12, margin=0.004), "does not intersect the mesh. .* A loose part of 1 face"),
+        ((0, 0, 0.9), TubeGrid(6, 12, Axis((0, 0, 0), (0, 0, 1))), "of the mesh along the axis. .* A loose part of 1"),
+    ],
+)
+def test_stray_facet_is_named_as_the_cause(corner, grid, message):
+    """A facet that was left over far away changes the ends of the link; without it nothing is reported."""
+    tube = cylinder()
+    with_facet = together(tube, facet_at(*corner))
+    try:
+        (text,) = (w.message for w in fit_surface(with_facet, grid).warnings if w.code == "short-surface")
+    except EmptySection as error:
+        text = str(error)
+    assert re.search(message, text) and "mm away from the rest of the mesh" in text
+    assert not fit_surface(tube, grid).warnings
+
+
+def test_parts_of_a_link_are_not_stray():
+    """A facet within the box of the rest, or next to it, and many small parts."""
+    tube = cylinder()
+    assert "1 face" in stray_part(together(tube, facet_at(0, 0, 0.5)))
+    for others in ([facet_at(0.04, 0, 0.05)], [facet_at(0, 0, 0.1)], [facet_at(0, 0, 0.02 * k) for k in range(80)]):
+        assert stray_part(together(tube, *others)) == ""
+    assert stray_part(tube) == ""

@@ -1,0 +1,113 @@
+"""A tare needs readings at rest: contacts during it are refused, noise of any kind is not."""
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.common.errors import InvalidReading
+from tests.soles import skin_of, sole_patch
+
+N = 42
+
+
+def sole(**options):
+    """Return a sole of 42 hexagons whose readings are newtons."""
+    return skin_of(sole_patch(), **options)
+
+
+def filtered(rng, shape, correlation, times=1):
+    """Return noise with standard deviation 1 after a filter of first order, applied ``times`` times."""
+    rows = rng.normal(size=(shape[0] + 200, shape[1]))
+    for _ in range(times):
+        out, last = np.empty_like(rows), np.zeros(shape[1])
+        for t, row in enumerate(rows):
+            out[t] = last = correlation * last + row
+        rows = out / out[100:].std()
+    return rows[200:]
+
+
+NOISE = {
+    "white": lambda rng, shape: rng.normal(size=shape),
+    "rounded": lambda rng, shape: 3 * np.rint(0.3 * rng.normal(size=shape)),
+    "clipped": lambda rng, shape: np.maximum(np.rint(rng.normal(size=shape)), 0),
+    "correlated": lambda rng, shape: filtered(rng, shape, 0.9),
+    "smooth": lambda rng, shape: filtered(rng, shape, 0.9, times=2),
+    "spikes": lambda rng, shape: rng.normal(size=shape) * (1 + 20 * (rng.random(shape) < 0.005)),
+    "common": lambda rng, shape: rng.normal(size=shape) + 3 * rng.normal(size=(shape[0], 1)),
+    "hum": lambda rng, shape: rng.normal(size=shape) + 4 * np.sin(0.4 * np.pi * np.arange(shape[0]))[:, None],
+    "drift": lambda rng, shape: rng.normal(size=shape) + 2 * np.linspace(0, 1, shape[0])[:, None],
+}
+TIME = np.linspace(0, 1, 250)
+PRESSES = {
+    "step": np.sin(np.pi * TIME),
+    "ramp": TIME,
+    "onset": TIME > 0.4,
+    "press": (TIME > 0.3) & (TIME < 0.6),
+    "tap": (TIME > 0.3) & (TIME < 0.35),
+    "taps": np.sin(6 * np.pi * TIME) > 0,
+    "three steps": np.abs(np.sin(3 * np.pi * TIME)),
+}
+
+
+@pytest.mark.parametrize("kind", NOISE)
+def test_noise_of_any_kind_is_rest(kind):
+    """The noise is far above the force that counts as a contact without known noise; offsets differ."""
+    rng = np.random.default_rng(4)
+    for frames in (8, 20, 250):
+        for _ in range(5):
+            sole().tare(rng.uniform(-20, 20, N) + 2 * NOISE[kind](rng, (frames, N)))
+
+
+@pytest.mark.parametrize("kind", PRESSES)
+@pytest.mark.parametrize("count", [1, 12, N])
+@pytest.mark.parametrize("noise", [0.02, 1.0])
+def test_contact_during_a_tare_is_refused(kind, count, noise):
+    """A finger or a foot presses during a part of it; the baseline stays that of before, and one taxel is named."""
+    rng = np.random.default_rng(4)
+    skin, forces = sole(), 40 * rng.uniform(0.8, 1.2, N) * (np.arange(N) < count)
+    rows = 5 + noise * rng.normal(size=(250, N)) + PRESSES[kind][:, None] * forces
+    with pytest.raises(
+        InvalidReading, match=r"the 250 readings for a tare are not at rest: the force changes by \d+ N on sole"
+    ):
+        skin.tare(rows)
+    assert skin.noise is None and skin.forces(np.full(N, 5.0)).sum() == pytest.approx(5 * N)
+    skin.mask(skin.ids[:count])
+    if count < N:
+        skin.tare(rows)  # what presses on defective taxels does not count
+
+
+def test_slow_frames_of_a_walk_are_refused():
+    """A step takes 20 frames, and the load moves over the foot: there is no noise to compare with."""
+    at = np.linspace(0, 1, N)
+    for frames in (10, 20, 60):
+        phase = np.arange(frames)[:, None] / 30 % 1
+        load = np.maximum(np.sin(1.5 * np.pi * phase), 0) * np.exp(-(((at - phase * 1.5) / 0.3) ** 2))
+        with pytest.raises(InvalidReading, match="not at rest"):
+            sole().tare(30 * load)
+
+
+def test_silent_sensors_show_a_contact():
+    """Readings that are exactly zero without contact, and a constant force for a part of the time."""
+    for count in (1, N):
+        rows = np.zeros((50, N), int)
+        rows[20:, :count] = 9
+        with pytest.raises(InvalidReading, match="changes by 9 N"):
+            sole().tare(rows)
+    sole().tare(rows[20:])
+
+
+def test_taxels_that_send_in_turn_are_at_rest():
+    """Each taxel changes in every tenth frame."""
+    rng = np.random.default_rng(4)
+    rows = np.stack([np.repeat(rng.normal(size=31), 10)[k % 10 :][:300] for k in range(N)], axis=1)
+    sole().tare(rows)
+
+
+def test_missing_numbers_do_not_hide_a_contact():
+    """A taxel without a number in some frames, or in all, is at rest."""
+    rng = np.random.default_rng(4)
+    rows = rng.normal(size=(60, N))
+    rows[10:20, 3], rows[:, 4] = np.nan, np.nan
+    sole().tare(rows)
+    rows[30:50, 3] += 60
+    with pytest.raises(InvalidReading, match="changes by 6. N on sole.3. Use a second"):
+        sole().tare(rows)
