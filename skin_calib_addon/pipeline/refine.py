@@ -17,7 +17,7 @@ from ..skin.sheet.landmarks import Landmark
 from ..skin.uncertainty import MAX_DIRECTION_UNCERTAINTY, MIN_ORIGIN_UNCERTAINTY
 from ..validation.placement import Motion, Placement, flat_places, link_point, placements
 from ..validation.touches import Touches
-from .calibrate import Calibrated, warnings_of
+from .calibrate import OUTDATED_PROPOSAL, Calibrated, warnings_of
 from .place_skins import PlacedSkin, place_all
 from .taxel_sigma import registration_of, with_sigma
 from .touch_distance import check_touches
@@ -52,6 +52,7 @@ def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
                 "Correct the channels first."
             )
     skins = plan.skins
+    of_the_plan = tuple(warning for warning in result.warnings if warning == OUTDATED_PROPOSAL)
     for _ in range(MAX_REFINE_STEPS):
         motions = {placement.patch.name: _motion(placement) for placement in found}
         skins = tuple(
@@ -62,7 +63,7 @@ def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
         calibration = replace(
             result.calibration,
             patches=tuple(done.patch for done in placed),
-            warnings=warnings_of(result.fits, placed),
+            warnings=(*of_the_plan, *warnings_of(result.fits, placed)),
         )
         found = placements(calibration, touches)
         if all(_largest(placement) < REFINE_TOLERANCE for placement in found):

@@ -16,6 +16,7 @@ from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry import CoverSpec, TubeGrid
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
 from skin_calib_addon.pipeline import calibrate
+from skin_calib_addon.pipeline.calibrate import OUTDATED_PROPOSAL
 from skin_calib_addon.pipeline.place_skins import place_all
 from skin_calib_addon.pipeline.refine import refine
 from skin_calib_addon.plan import Plan, load_plan, save_plan
@@ -123,6 +124,15 @@ def test_skins_without_touches_stay(fitted):
     turned = Touches(taxels.ids[::-1], np.arange(48), taxels.positions_link, np.zeros((48, 3)))
     with pytest.raises(InvalidPlan, match="rows and columns counted from the other end"):
         refine(plan, result, turned)
+
+
+def test_warning_about_the_plan_stays(fitted):
+    """Touches do not tell that the mesh has changed since the proposal."""
+    plan, result = with_skin(fitted, SHEET | PLACED)
+    result = replace(result, calibration=replace(result.calibration, warnings=(OUTDATED_PROPOSAL,)))
+    taxels = result.placed[0].patch.taxels
+    touches = Touches(taxels.ids, np.arange(48), taxels.positions_link, np.zeros((48, 3)))
+    assert OUTDATED_PROPOSAL in refine(plan, result, touches).calibration.warnings
 
 
 def random_touches(true, count, rng):
