@@ -161,10 +161,10 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
     """The plan of one link; an object without a link name is not a link."""
 
     mesh_file: text(name="Mesh File", description="Name of the mesh file in exported plans")
-    urdf: StringProperty(
-        name="URDF",
-        description="The robot of this link. With it, the mesh is in the link frame, wherever the object is",
-        **FILE,
+    urdf: StringProperty(name="URDF", description="The robot of this link", **FILE)
+    imported_length: number(
+        name="Imported Length",
+        description="Longest side of the mesh when it was imported, in metres; 0: the object was not imported",
     )
     proposed: whole(name="Proposed Taxels", description="Taxels of the proposal in these properties; 0: none is there")
     proposed_area: text(
