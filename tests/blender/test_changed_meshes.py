@@ -5,6 +5,7 @@ import json
 import pytest
 
 from tests.blender.conftest import look
+from tests.blender.test_link_frame import codes
 
 
 @pytest.fixture
@@ -51,6 +52,8 @@ def test_robot_is_not_exported_with_the_fit_of_another_mesh(bpy, fitted, tmp_pat
     files = (alone, folder / "arm.calibration.json")
     one, other = (json.loads(path.read_text())["patches"] for path in files)
     assert one == other
+    assert [codes(path.read_bytes()) for path in files] == [["scaled-object"]] * 2
+    assert '"scaled-object"' in (folder / "arm.sources.json").read_text()
 
 
 @pytest.mark.slow
