@@ -156,7 +156,7 @@ class SKIN_OT_scale_to_unit(Operator):
         link.skin_calib.result.outdated = True
         context.view_layer.update()
         side = link_objects.longest_side(link, context.scene)
-        link.skin_calib.imported_length *= factor
+        link.skin_calib.imported_box = [factor * x for x in link.skin_calib.imported_box]
         self.report({"INFO"}, f"{link.name} is now {side * 1e3:.4g} mm long")
 
 

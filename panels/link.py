@@ -27,7 +27,7 @@ class LinkStep(Step):
         return plan.link
 
     def has_warnings(self, plan):
-        return bool(misplaced(plan.id_data))
+        return serious_of(misplaced(plan.id_data)) > 0
 
     def draw_plan(self, layout, plan):
         draw_keys(layout, plan, keys_in("Link"))

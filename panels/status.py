@@ -11,7 +11,7 @@ from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import read_warning
 from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import counted
-from .base import POPOVER_UNITS, button, buttons, shortened, show_text, show_warning
+from .base import POPOVER_UNITS, button, buttons, serious_of, shortened, show_text, show_warning
 
 # [1] warnings up to which the list cannot be folded, and rows of a longer list. Larger: the panels below move down.
 MAX_OPEN, MAX_ROWS = 3, 8
@@ -44,7 +44,7 @@ def state_of(link):
     mean = result.mean * metres_per_unit(bpy.context.scene) * 1e3
     taxels = counted(result.taxels, "taxel") if result.taxels else "add a skin"
     worst = result.warnings[0].severity if result.warnings else ""
-    worst = "warning" if worst in ("", "note") and misplaced(link) else worst
+    worst = "warning" if worst in ("", "note") and serious_of(misplaced(link)) else worst
     icon = ICONS[worst] if worst in ("error", "warning") else "CHECKMARK"
     return f"Mean {mean:.4f} mm{least_exact(plan)}, {taxels}", icon
 

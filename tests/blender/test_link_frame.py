@@ -16,7 +16,7 @@ from tests.examples import slow
 def made(bpy, link):
     """Return the link as an object that the author made, or that an older version imported: without an empty."""
     bpy.data.objects.remove(link.parent)
-    link.skin_calib.imported_length = 0
+    link.skin_calib.imported_box = [0.0] * 6
     bpy.context.view_layer.update()
     return link
 
@@ -39,7 +39,9 @@ def frame_for(bpy, link, scale=(1, 1, 1), keep=False):
 
 def codes(data):
     """Return the codes of the warnings about the object."""
-    return [w["code"] for w in json.loads(data)["warnings"] if w["code"] in ("moved-object", "scaled-object")]
+    return [
+        w["code"] for w in json.loads(data)["warnings"] if w["code"] in ("moved-object", "scaled-object", "moved-mesh")
+    ]
 
 
 def without_warnings(data):
@@ -237,8 +239,30 @@ def test_applied_move_moves_the_taxels_as_displayed(bpy, link, fit_scene):
     link.location = (0.15, 0, 0)
     bpy.ops.object.transform_apply()
     data = fit_scene()
-    assert codes(data) == []
+    assert codes(data) == ["moved-mesh"]
+    assert json.loads(data)["warnings"][0]["severity"] == "note"
     assert_allclose(taxels(data)[0], before + (0.15, 0, 0), atol=1e-7)
+
+
+def test_edited_import_has_no_warning(bpy, addon, link):
+    """A mesh without some of its faces is no smaller one, and not moved."""
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.bisect(plane_co=(0, 0, 0.05), plane_no=(0, 0, 1), clear_outer=True)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.context.view_layer.update()
+    assert link.dimensions.z < 0.04 and addon.link_meshes.placement_warnings(link, 1.0) == ()
+
+
+@pytest.mark.parametrize(
+    ("scale", "words"), [(1.3, "has the scale 1.3, which is no unit"), (0.01, ""), (-1, "mirrored")]
+)
+def test_scale_of_an_object_that_was_made_is_a_unit(addon, made, scale, words):
+    """Its size at the start is not known: another scale has a warning."""
+    made.scale = (scale,) * 3
+    found = addon.link_meshes.placement_warnings(made, 1.0)
+    assert [warning.code for warning in found] == ["scaled-object"] * bool(words)
+    assert all(words in warning.message for warning in found)
 
 
 def rescale(bpy, link, factor):
@@ -264,17 +288,18 @@ def scale_applied(bpy, link, factor):
 
 
 @pytest.mark.parametrize("act", [rescale, scale_frame, scale_to_delta, scale_scene, scale_applied])
-@pytest.mark.parametrize("factor", [1.3, 10.0])
+@pytest.mark.parametrize("factor", [0.5, 10.0])
 def test_other_size_than_at_the_import_has_a_warning(bpy, addon, link, act, factor):
-    """By any act; an applied scale is the author's own, if it is not that of another unit."""
+    """By any act: of the object, its parent or the scene, and also after Apply."""
     act(bpy, link, factor)
     bpy.context.view_layer.update()
     metre = bpy.context.scene.unit_settings.scale_length
     side = np.ptp(addon.link_meshes.read_mesh(link, bpy.context).vertices, axis=0).max()
     assert side == pytest.approx(0.08 * factor, rel=1e-5)
     found = addon.link_meshes.placement_warnings(link, metre)
-    is_own = factor == 1.3 and act in (scale_scene, scale_applied)
-    assert [warning.code for warning in found] == ["scaled-object"] * (not is_own)
+    assert [(w.code, w.message) for w in found] == [
+        ("scaled-object", f"arm is {factor:g} times as large as it was at its import.")
+    ]
 
 
 @pytest.mark.parametrize("metre", [1.0, 0.001, 0.0254])
@@ -307,8 +332,10 @@ def test_disabled_link_keeps_its_size_after_opening(bpy, addon, link, tmp_path):
     link.hide_viewport = True
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-    mesh = addon.link_meshes.read_mesh(bpy.data.objects["arm"], bpy.context)
+    link = bpy.data.objects["arm"]
+    mesh = addon.link_meshes.read_mesh(link, bpy.context)
     assert np.ptp(mesh.vertices, axis=0).max() == pytest.approx(0.04, rel=1e-6)
+    assert [warning.value for warning in addon.link_meshes.placement_warnings(link, 1.0)] == [pytest.approx(0.5)]
 
 
 def test_scene_of_an_older_version_has_no_warning(bpy, addon):

@@ -28,8 +28,9 @@ MAX_FRAME_DEVIATION = 1e-4
 # makes warnings.
 MAX_OFFSET, MAX_TURN = 1e-5, 1e-4
 MAX_SCALE_DEVIATION = 1e-5  # [1] of a scale from that of a unit, likewise
-MAX_RESIZING = 2.5  # [1] ratio of sizes now and at the import above which there is a warning. Larger than 2.54: inches
-# that are read as centimetres have none.
+# [fraction of the longest side] Change of the box of a mesh since its import above which it counts. Smaller: modifiers
+# that hardly change the mesh count.
+MAX_CHANGE = 1e-3
 
 
 def read_mesh(link: bpy.types.Object, context: bpy.types.Context) -> TriangleMesh:
@@ -84,7 +85,7 @@ def read_edges(link: bpy.types.Object, context: bpy.types.Context) -> tuple[Arra
 
 def is_frame(link: bpy.types.Object) -> bool:
     """Return whether the pose of the object is the link frame, because it was imported."""
-    return bool(link.skin_calib.imported_length or link.skin_calib.urdf)  # older files have only the robot
+    return any(link.skin_calib.imported_box) or bool(link.skin_calib.urdf)  # older files have only the robot
 
 
 def link_frame(link: bpy.types.Object) -> Matrix:
@@ -167,18 +168,33 @@ def _moved(link: bpy.types.Object, metre: float) -> Warning | None:
 
 
 def _scaled(link: bpy.types.Object, placed: Array, metre: float) -> Warning | None:
-    """Return a warning about an object whose scale is not that of a unit, or of another one than at its import."""
-    scale, before = _uniform_scale(placed), link.skin_calib.imported_length
-    advice = "If that is right, apply the scale (Ctrl A). Otherwise correct the scale of the object and its parents."
+    """Return a warning about an object that is not as large as at its import, or whose scale is not that of a unit."""
+    scale, resized = _uniform_scale(placed), _since_import(link, placed)
+    advice = "Correct the scale of the object and its parents, or apply it (Ctrl A) if it is right."
     if scale is None:
         message = f"{link.name} is mirrored, or has a scale that is not uniform. Its taxels are on the scaled mesh."
         return Warning("scaled-object", "warning", message, advice=advice)
+    if resized is not None and abs(resized[0] - 1) > MAX_CHANGE:
+        message = f"{link.name} is {resized[0]:.4g} times as large as it was at its import."
+        advice = "Correct its scale, or the unit of the scene. If the size is right, import it again in its unit."
+        return Warning("scaled-object", "warning", message, value=resized[0], advice=advice)
     if all(abs(scale / unit - 1) > MAX_SCALE_DEVIATION for unit in (metre, *UNITS.values())):
         message = f"{link.name} has the scale {scale / metre:.4g}, which is no unit. Its taxels are on the scaled mesh."
         return Warning("scaled-object", "warning", message, value=scale / metre, advice=advice)
-    length = float(np.ptp(np.array(link.bound_box), axis=0).max()) * scale
-    if not before or 1 / MAX_RESIZING < length / before < MAX_RESIZING:
+    if resized is not None and resized[1]:
+        message = f"The mesh of {link.name} was moved by {resized[1] * 1e3:.4g} mm in its link frame since its import."
+        return Warning("moved-mesh", "note", message, value=resized[1])
+    return None
+
+
+def _since_import(link: bpy.types.Object, placed: Array) -> tuple[float, float] | None:
+    """Return by which factor and distance [m] the mesh was scaled and moved since its import; None if it was edited."""
+    before = np.reshape(link.skin_calib.imported_box, (2, 3))
+    corners = np.array(link.bound_box) @ placed[:, :3].T + placed[:, 3]
+    now = np.stack((corners.min(axis=0), corners.max(axis=0)))
+    sides, middles = np.diff((before, now), axis=1)[:, 0], np.mean((before, now), axis=1)
+    limit, factor = MAX_CHANGE * sides[1].max(), sides[1].max() / (sides[0].max() or 1.0)
+    if not before.any() or np.abs(sides[1] - factor * sides[0]).max() > limit:
         return None
-    message = f"{link.name} is {length * 1e3:.4g} mm long, and was {before * 1e3:.4g} mm long at its import."
-    advice = "Correct its scale, or the unit of the scene. If the size is right, import it again in its unit."
-    return Warning("scaled-object", "warning", message, value=length / before, advice=advice)
+    offset = float(np.linalg.norm(middles[1] - middles[0]))
+    return float(factor), offset if offset > limit else 0.0

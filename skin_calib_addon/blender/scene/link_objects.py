@@ -73,7 +73,8 @@ def add_link(
     link = bpy.data.objects.new(name, data)
     factor = UNITS[unit] / metre
     link.parent, link.scale = frame, (factor, factor, factor)
-    link.skin_calib.imported_length = float(np.ptp(mesh.vertices, axis=0).max()) * UNITS[unit]
+    box = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    link.skin_calib.imported_box = np.ravel(box) * UNITS[unit]
     frame.users_collection[0].objects.link(link)
     return link
 
