@@ -40,7 +40,7 @@ def state_of(link):
     if not result.key:
         return "Not fitted: press Propose or Fit", "INFO"
     if result.outdated:
-        return "The plan has changed: fit again", "INFO"
+        return "Plan or mesh has changed: fit again", "INFO"
     mean = result.mean * metres_per_unit(bpy.context.scene) * 1e3
     taxels = counted(result.taxels, "taxel") if result.taxels else "add a skin"
     worst = result.warnings[0].severity if result.warnings else ""

@@ -183,7 +183,7 @@ def _scaled(link: bpy.types.Object, placed: Array, metre: float) -> Warning | No
         return Warning("scaled-object", "warning", message, value=scale / metre, advice=advice)
     if resized is not None and resized[1]:
         message = f"The mesh of {link.name} was moved by {resized[1] * 1e3:.4g} mm in its link frame since its import."
-        return Warning("moved-mesh", "note", message, value=resized[1])
+        return Warning("moved-mesh", "note", message, value=resized[1], advice="Its taxels are on the moved mesh.")
     return None
 
 
