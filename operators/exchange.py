@@ -34,7 +34,7 @@ def add_plan(operator, context, plan, mesh):
     """Add a plan and its mesh as the active object."""
     link = link_objects.add_link(context, mesh, plan.unit, plan.link)
     plans.write_plan(link, context.scene, plan)
-    hidden = showing.present(context, [link])
+    hidden = showing.present(context, [link, link.parent])
     if hidden:
         operator.report({"INFO"}, hidden)
     if not plans.is_kept(plan, plans.read_plan(link, context.scene)):
@@ -107,29 +107,29 @@ def _is_source(path):
 def fit_to_write(context):
     """Fit the active link as it is now, and return its calibration and what is to be reported about it."""
     link = context.object
-    plan, mesh = plans.read_plan(link, context.scene), link_meshes.read_mesh(link, context)
+    plan, mesh = plans.plan_to_write(link, context.scene), link_meshes.read_mesh(link, context)
     was_current = results.is_current(link)
     results.verify(link, context.scene, mesh.sha256)
     _, result = results.fit(plan, mesh)
-    warnings, is_current = [], results.is_current(link)
-    if found := results.warnings_of(link, result):  # a pop-up with all of them in full covers the window
+    calibration, warnings, is_current = result.calibration_of(plan), [], results.is_current(link)
+    if found := calibration.warnings:  # a pop-up with all of them in full covers the window
         listed = "The tab Skin lists them." if is_current else "Press Fit: the tab Skin then lists them."
         warnings.append(f"{counted(len(found), 'warning')} of the fit. {listed}")
     if was_current and not is_current:
         warnings.append("The link or a taxel file has changed since the fit. This file is up to date; fit again.")
-    if not any(patch.taxels.ids for patch in result.calibration.patches):
+    if not any(patch.taxels.ids for patch in calibration.patches):
         warnings.append("The file has no taxels. Add a skin to the link, then export again.")
     others = link_objects.namesakes(link, context.scene)
     if others:
         warnings.append(f"{others[0]} has the link name of {link.name}, too. Rename one of them.")
-    return result.calibration_of(plan), warnings
+    return calibration, warnings
 
 
 def write_plan(context, link, path):
     """Write the plan of a link, and return it. If no file has its mesh, the mesh is written next to the plan."""
     check_writable(path)  # before the mesh is written
     mesh = link_meshes.read_mesh(link, context)
-    plan = plans.read_plan(link, context.scene)
+    plan = plans.plan_to_write(link, context.scene)
     urdf = robots.urdf_of(link)
     files = [path.parent / plan.mesh, *([urdf] if urdf else [])]
     target = next((file for file in files if _has_mesh(file, plan, mesh)), None)
@@ -167,8 +167,7 @@ class SKIN_OT_export_plan(Export, Operator):
     ending = ".plan.json"
 
     def write(self, context, path):
-        write_plan(context, context.object, path)
-        return ()
+        return list(map(str, write_plan(context, context.object, path).warnings))
 
 
 class SKIN_OT_export_calibration(Export, Operator):

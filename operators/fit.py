@@ -9,6 +9,7 @@ from ..skin_calib_addon.blender.overlay.layers import maximum_of
 from ..skin_calib_addon.blender.properties.inspect import maximum_token
 from ..skin_calib_addon.blender.scene import link_meshes, plans, results, skins
 from ..skin_calib_addon.blender.scene.showing import show_place
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import refusal_of
 from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import SkinCalibError
@@ -58,7 +59,8 @@ class SKIN_OT_fit(Working, Operator):
         store_fit(context, link, self.given, result)
         mean = f"{calibrated.mean * 1e3:.4f} mm{results.least_exact(link.skin_calib)}"
         self.report({"INFO"}, f"{link.skin_calib.link}: mean error {mean}")
-        for warning in results.warnings_of(link, calibrated):  # last, because the window shows what was reported last
+        warnings = link_meshes.placement_warnings(link, metres_per_unit(context.scene))
+        for warning in (*warnings, *results.warnings_of(link, calibrated)):  # last: the window shows the last report
             self.report({"WARNING"}, str(warning))
 
     def keep_reason(self, link, error):

@@ -24,7 +24,7 @@ def add_link(operator, context, mesh, unit, name, file, warning=""):
     """Add a link as the active object; report the warning, and its size, as a warning where links do not have it."""
     link = link_objects.add_link(context, mesh, unit, name)
     link.skin_calib.link, link.skin_calib.mesh_file = name, file
-    hidden = showing.present(context, [link])
+    hidden = showing.present(context, [link, link.parent])
     side = float(np.ptp(mesh.vertices, axis=0).max()) * UNITS[unit]
     wrong = likely_mistake(side)
     size = f"{name}: {counted(len(mesh.faces), 'face')} in {UNIT_NAMES[unit]}, {side * 1e3:.4g} mm long"
@@ -155,7 +155,9 @@ class SKIN_OT_scale_to_unit(Operator):
         link.scale = [factor * s for s in link.scale]
         link.skin_calib.result.outdated = True
         context.view_layer.update()
-        self.report({"INFO"}, f"{link.name} is now {link_objects.longest_side(link, context.scene) * 1e3:.4g} mm long")
+        side = link_objects.longest_side(link, context.scene)
+        link.skin_calib.imported_box = [factor * x for x in link.skin_calib.imported_box]
+        self.report({"INFO"}, f"{link.name} is now {side * 1e3:.4g} mm long")
 
 
 class SKIN_OT_diagnose(Working, Operator):

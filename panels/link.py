@@ -16,6 +16,7 @@ from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, likely_mistake
 from .base import Step, button, buttons, field, serious_of, show_text, show_warning
 from .robot import listed
 from .rows import draw_keys, keys_in
+from .status import misplaced
 
 
 class LinkStep(Step):
@@ -24,6 +25,9 @@ class LinkStep(Step):
 
     def figure(self, plan):
         return plan.link
+
+    def has_warnings(self, plan):
+        return serious_of(misplaced(plan.id_data)) > 0
 
     def draw_plan(self, layout, plan):
         draw_keys(layout, plan, keys_in("Link"))

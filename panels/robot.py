@@ -10,6 +10,7 @@ from ..skin_calib_addon.blender.scene.preferences import preferences
 from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import counted
 from .base import Step, button, buttons, field, show_text
+from .status import misplaced
 
 MAX_ROWS = 8  # of the list. Larger: the panels below it move down.
 
@@ -17,7 +18,7 @@ MAX_ROWS = 8  # of the list. Larger: the panels below it move down.
 def state_of(link):
     """Return the state of a link: in a few words, its icon, and the reason of a refusal."""
     settings, note = link.skin_calib, session.of(link).report
-    result, warnings = settings.result, len(settings.result.warnings)
+    result, warnings = settings.result, len(settings.result.warnings) + len(misplaced(link))
     if session.progress_of(link) is not None:
         return "in progress", "SORTTIME", ""
     if note and note.problem:

@@ -4,13 +4,14 @@
 import bpy
 
 from ..skin_calib_addon.blender.live.advice import PROPOSE, REFUSAL, hidden_surface, is_of_the_fit, mark_of, offered
+from ..skin_calib_addon.blender.scene.link_meshes import placement_warnings
 from ..skin_calib_addon.blender.scene.link_objects import namesakes, why_not
 from ..skin_calib_addon.blender.scene.results import least_exact
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import read_warning
 from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import counted
-from .base import POPOVER_UNITS, button, buttons, shortened, show_text, show_warning
+from .base import POPOVER_UNITS, button, buttons, serious_of, shortened, show_text, show_warning
 
 # [1] warnings up to which the list cannot be folded, and rows of a longer list. Larger: the panels below move down.
 MAX_OPEN, MAX_ROWS = 3, 8
@@ -39,12 +40,18 @@ def state_of(link):
     if not result.key:
         return "Not fitted: press Propose or Fit", "INFO"
     if result.outdated:
-        return "The plan has changed: fit again", "INFO"
+        return "Plan or mesh has changed: fit again", "INFO"
     mean = result.mean * metres_per_unit(bpy.context.scene) * 1e3
     taxels = counted(result.taxels, "taxel") if result.taxels else "add a skin"
     worst = result.warnings[0].severity if result.warnings else ""
+    worst = "warning" if worst in ("", "note") and serious_of(misplaced(link)) else worst
     icon = ICONS[worst] if worst in ("error", "warning") else "CHECKMARK"
     return f"Mean {mean:.4f} mm{least_exact(plan)}, {taxels}", icon
+
+
+def misplaced(link):
+    """Return the warnings about pose and scale of an object now, which its last fit need not have."""
+    return placement_warnings(link, metres_per_unit(bpy.context.scene)) if link.skin_calib.link else ()
 
 
 def same_name(link):
@@ -71,6 +78,8 @@ def draw_status(layout, link):
         show_text(layout, "The link is hidden in this view, with its surface and its marks", "HIDE_ON")
     if same_name(link):
         show_text(layout, "Their files would have the same names. Rename one of both in Link.", "BLANK1")
+    for warning in misplaced(link):
+        show_warning(layout, warning)
     row = buttons(layout)
     button(row, "propose")
     button(row, "fit")

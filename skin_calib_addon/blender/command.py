@@ -11,7 +11,7 @@ from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..plan import Plan
 from .scene.link_meshes import read_mesh
 from .scene.link_objects import links
-from .scene.plans import read_plan
+from .scene.plans import plan_to_write
 
 _commands: list[Any] = []
 
@@ -20,7 +20,7 @@ def scene_plans() -> list[tuple[Plan, TriangleMesh]]:
     """Return plan and mesh of every link in the open scene; of a robot, only of the links that have a skin."""
     context = bpy.context
     found = [link for link in links(context) if link.skin_calib.skins or not link.skin_calib.urdf]
-    return [(read_plan(link, context.scene), read_mesh(link, context)) for link in found]
+    return [(plan_to_write(link, context.scene), read_mesh(link, context)) for link in found]
 
 
 def main(argv: Sequence[str]) -> int:

@@ -4,7 +4,7 @@ import json
 import os
 import traceback
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Literal
@@ -113,6 +113,7 @@ def fit_one(job: Job) -> Outcome:
             mean, text = job.fitted.mean, ""
         else:
             result = calibrate(plan, job.mesh)
+            result = replace(result, calibration=result.calibration_of(plan))
             if job.picture:
                 _draw(result, job.picture)
             if job.report:

@@ -15,6 +15,8 @@ SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")  # from the wors
 # Codes of a fit and of its skins, from the worst, within a severity; all other codes are after them.
 ORDER = (
     "outdated-proposal",  # all of it is of another mesh
+    "moved-object",  # or in another place
+    "scaled-object",
     # the surface is wrong
     "folded",
     "off-mesh",

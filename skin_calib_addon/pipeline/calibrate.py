@@ -83,14 +83,17 @@ class Calibrated:
         return self.calibration.warnings
 
     def calibration_of(self, plan: Plan) -> LinkCalibration:
-        """Return the calibration with the name of the mesh file of a plan, which can differ from that of the fit.
+        """Return the calibration with the mesh file and the warnings of a plan, which can differ from those of the fit.
 
         Parameters
         ----------
         plan : Plan
-            That of the fit, or with another mesh file of the same content.
+            That of the fit, or with another mesh file of the same content, or other warnings.
         """
-        return replace(self.calibration, mesh=replace(self.calibration.mesh, file=plan.mesh.name))
+        mesh = replace(self.calibration.mesh, file=plan.mesh.name)
+        return replace(
+            self.calibration, mesh=mesh, warnings=tuple(worst_first(dict.fromkeys((*plan.warnings, *self.warnings))))
+        )
 
 
 @one_blas_thread()

@@ -31,8 +31,9 @@ def save_link(result: Calibrated, plan: Plan, path: Path) -> Path:
     folder = path.parent
     calibration = folder / f"{path.name.removesuffix('.json').removesuffix('.plan')}.calibration.json"
     source = source_of(path, plan, folder)
-    save_calibration(result.calibration_of(plan), calibration)
-    numbers = {"taxels": result.taxels, "mean": result.mean, "warnings": result.warnings}
+    made = result.calibration_of(plan)
+    save_calibration(made, calibration)
+    numbers = {"taxels": result.taxels, "mean": result.mean, "warnings": made.warnings}
     save_source(calibration, add_outputs(source, folder, [calibration], **numbers))
     return calibration
 

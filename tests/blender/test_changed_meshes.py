@@ -5,6 +5,7 @@ import json
 import pytest
 
 from tests.blender.conftest import look
+from tests.blender.test_link_frame import codes
 
 
 @pytest.fixture
@@ -51,6 +52,8 @@ def test_robot_is_not_exported_with_the_fit_of_another_mesh(bpy, fitted, tmp_pat
     files = (alone, folder / "arm.calibration.json")
     one, other = (json.loads(path.read_text())["patches"] for path in files)
     assert one == other
+    assert [codes(path.read_bytes()) for path in files] == [["scaled-object"]] * 2
+    assert '"scaled-object"' in (folder / "arm.sources.json").read_text()
 
 
 @pytest.mark.slow
@@ -84,14 +87,14 @@ def test_other_unit_of_the_scene_outdates_the_result(bpy, addon, fitted):
 
 
 def animate(link):
-    """Move an object from frame 1 to 10."""
+    """Scale an object from frame 1 to 10."""
     for frame in (1, 10):
-        link.location.z = 0.002 * frame
-        link.keyframe_insert("location", frame=frame)
+        link.scale.z = 1 + 0.02 * frame
+        link.keyframe_insert("scale", frame=frame)
 
 
 def test_animated_link_outdates_its_result(bpy, addon, fitted):
-    """Another frame of a link whose frame is the world is another mesh in the link frame."""
+    """Another frame of a link that is scaled is another mesh."""
     animate(bpy.context.object)
     bpy.context.scene.frame_set(1)
     assert bpy.ops.skin_calib.fit() == {"FINISHED"} and not outdated(bpy, addon)
@@ -127,7 +130,7 @@ def test_link_of_another_scene_is_read_there(bpy, addon, updates, plan_file, mon
     there = {"scene": other, "view_layer": other.view_layers[0]}
     with bpy.context.temp_override(**there):
         bpy.ops.skin_calib.import_plan(filepath=str(plan_file()))
-        (link,) = other.objects
+        link = other.objects["arm"]
         link.modifiers.new("finer", "SUBSURF").subdivision_type = "SIMPLE"
         other.view_layers[0].update()
     with bpy.context.temp_override(**there, object=link):

@@ -224,7 +224,7 @@ def test_large_mesh_has_a_coarse_preview_and_an_exact_fit(bpy, updates, preview,
 OTHER = {
     "mesh": lambda link: setattr(link.data.vertices[0], "co", link.data.vertices[0].co * 1.001),
     "modifier": lambda link: setattr(link.modifiers.new("thicker", "DISPLACE"), "strength", 1e-4),
-    "place": lambda link: setattr(link, "location", (0.001, 0, 0)),
+    "scale": lambda link: setattr(link, "scale", (1, 1, 1.01)),
 }
 
 
@@ -242,8 +242,8 @@ def test_undo_removes_the_preview(bpy, addon, updates, following, monkeypatch, s
     assert not link.skin_calib.result.outdated
 
 
-@pytest.mark.parametrize(("name", "follow"), [("mesh", False), ("modifier", True), ("place", False), ("place", True)])
-def test_other_mesh_modifier_or_place_outdates_the_result(bpy, updates, link, name, follow, monkeypatch):
+@pytest.mark.parametrize(("name", "follow"), [("mesh", False), ("modifier", True), ("scale", False), ("scale", True)])
+def test_other_mesh_modifier_or_scale_outdates_the_result(bpy, updates, link, name, follow, monkeypatch):
     """This is for links with and without Live; edits without an effect do not count."""
     bpy.ops.skin_calib.fit()
     link = bpy.context.object
@@ -310,7 +310,7 @@ def test_mesh_that_changes_by_reading_is_compared_once(bpy, updates, link, monke
         return real(link, context, before)
 
     monkeypatch.setattr(updates.link_meshes, "read_facets", touching)
-    link.location = (0.001, 0, 0)
+    link.scale = (1, 1, 1.01)
     bpy.context.view_layer.update()
     updates._compare_touched(list(updates.session.links()))
     assert looks == ["arm"] and link.skin_calib.result.outdated

@@ -1,5 +1,7 @@
 """Boards stay off the faces of a vertex group, as it is at each fit."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -141,7 +143,7 @@ def test_command_line_has_the_same_boards(bpy, excluding, tmp_path, fit_scene, f
 
 
 def test_group_without_a_complete_face_is_a_warning(bpy, excluding, tmp_path):
-    """It excludes nothing: Check Mesh, the state and the reports of fit and export say so, until it has a face."""
+    """It excludes nothing: Check Mesh, state, reports and file say so, until it has a face."""
     bpy.ops.skin_calib.diagnose()
     (line,) = (finding for finding in excluding.skin_calib.diagnosis.findings if finding.code == "fit")
     assert line.severity == "warning" and "'screws' has no complete face" in line.message
@@ -149,6 +151,9 @@ def test_group_without_a_complete_face_is_a_warning(bpy, excluding, tmp_path):
     (warning,) = excluding.skin_calib.result.warnings
     assert warning.code == "empty-group" and warning.skin == excluding.skin_calib.skins[0].name
     assert "'screws' has no complete face" in warning.message
+    bpy.ops.skin_calib.export_calibration(filepath=str(tmp_path / "arm.calibration.json"))
+    kept = json.loads((tmp_path / "arm.calibration.json").read_text())["warnings"]
+    assert [warning["code"] for warning in kept] == ["empty-group"]
     excluding.vertex_groups["screws"].add([0, 1], 1.0, "REPLACE")  # an edge
     bpy.ops.skin_calib.fit()
     assert [warning.code for warning in excluding.skin_calib.result.warnings] == ["empty-group"]

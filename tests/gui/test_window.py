@@ -83,6 +83,7 @@ DRIVERS = [
     ("drive_waits.py", "wrist", "1200x1300"),
     ("drive_widths.py", "wrist", "1200x1300"),
     ("drive_import.py", "", "1600x900"),  # Blender's start
+    ("drive_frame.py", "", "1000x1150"),
 ]
 
 

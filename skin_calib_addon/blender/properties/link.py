@@ -15,7 +15,7 @@ from . import inspect as inspect_properties
 from . import warning
 from .millimetres import with_millimetres
 from .of_keys import items_of, of_keys
-from .options import FILE, FIXED, PLAN, choice, flag, length, many, number, outdate, text, whole
+from .options import FILE, FIXED, PLAN, choice, flag, length, many, number, outdate, text, vector, whole
 
 
 @of_keys(keys.PLANE)
@@ -161,10 +161,12 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
     """The plan of one link; an object without a link name is not a link."""
 
     mesh_file: text(name="Mesh File", description="Name of the mesh file in exported plans")
-    urdf: StringProperty(
-        name="URDF",
-        description="The robot of this link. With it, the mesh is in the link frame, wherever the object is",
-        **FILE,
+    urdf: StringProperty(name="URDF", description="The robot of this link", **FILE)
+    imported_box: vector(
+        name="Imported Box",
+        description="Least and largest coordinates of the mesh in the link frame when it was imported, in metres; "
+        "zeros: the object was not imported",
+        size=6,
     )
     proposed: whole(name="Proposed Taxels", description="Taxels of the proposal in these properties; 0: none is there")
     proposed_area: text(

@@ -11,6 +11,8 @@ from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...geometry.mesh.units import UNITS
 from .units import metres_per_unit
 
+FRAME_SIZE = 0.03  # [m] length of the drawn axes of a link frame. Larger: they hide more of small links.
+
 
 def links(context: bpy.types.Context) -> list[bpy.types.Object]:
     """Return the objects of the scene that have a link name, sorted by name."""
@@ -41,8 +43,24 @@ def in_scene(link: bpy.types.Object) -> AbstractContextManager[Any]:
     return context.temp_override(scene=scene, view_layer=views.get(scene, scene.view_layers[0]))
 
 
-def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: str) -> bpy.types.Object:
-    """Return a new object for a mesh; its data keeps the numbers, and its scale converts their unit."""
+def new_frame(link: str, metre: float) -> bpy.types.Object:
+    """Return a new empty, which is the frame of a link."""
+    frame = bpy.data.objects.new(f"{link}_frame", None)
+    frame.empty_display_type, frame.empty_display_size = "ARROWS", FRAME_SIZE / metre
+    return frame
+
+
+def add_link(
+    context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: str, frame: bpy.types.Object | None = None
+) -> bpy.types.Object:
+    """Return a new object for a mesh, below its frame; its data keeps the numbers, and its scale converts their unit.
+
+    Without a frame it gets one at the origin of the world.
+    """
+    metre = metres_per_unit(context.scene)
+    if frame is None:
+        frame = new_frame(name, metre)
+        context.scene.collection.objects.link(frame)
     data = bpy.data.meshes.new(name)
     data.vertices.add(len(mesh.vertices))  # as from_pydata, which is slow for a million faces
     data.vertices.foreach_set("co", mesh.vertices.astype(np.float32).ravel())
@@ -53,9 +71,11 @@ def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: st
     data.shade_flat()
     data.update(calc_edges=True)
     link = bpy.data.objects.new(name, data)
-    factor = UNITS[unit] / metres_per_unit(context.scene)
-    link.scale = (factor, factor, factor)
-    context.scene.collection.objects.link(link)
+    factor = UNITS[unit] / metre
+    link.parent, link.scale = frame, (factor, factor, factor)
+    box = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    link.skin_calib.imported_box = np.ravel(box) * UNITS[unit]
+    frame.users_collection[0].objects.link(link)
     return link
 
 

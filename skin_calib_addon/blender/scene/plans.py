@@ -3,7 +3,7 @@
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,9 @@ from ...plan.document import write as write_document
 from ...plan.key import Key, Record
 from ...plan.keys import COVER, GRIDS, LINK, SURFACE
 from ...plan.plan import Surface
+from .face_groups import empty_groups
 from .fields import OWN, read, read_key, write, write_key
+from .link_meshes import placement_warnings
 from .skins import read_skin, seen_from, write_skin
 from .units import metres_per_unit, vector
 
@@ -50,6 +52,12 @@ def read_plan(link: bpy.types.Object, scene: bpy.types.Scene) -> Plan:
     except InvalidPlan as error:
         raise InvalidPlan(f"{link.name}: {error}", **error.numbers) from error
     return plan
+
+
+def plan_to_write(link: bpy.types.Object, scene: bpy.types.Scene) -> Plan:
+    """Return the plan in an object's properties, with the warnings about the object, which go into its calibration."""
+    plan = read_plan(link, scene)
+    return replace(plan, warnings=(*placement_warnings(link, metres_per_unit(scene)), *empty_groups(link)))
 
 
 def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, plan: Plan) -> None:

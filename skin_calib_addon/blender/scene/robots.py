@@ -16,11 +16,9 @@ from ...plan.skins import following_channel
 from ...robot.urdf import Robot
 from . import link_meshes, results, showing
 from .fields import kept_path
-from .link_objects import activate, add_link, why_not
+from .link_objects import activate, add_link, new_frame, why_not
 from .skins import read_skin
 from .units import metres_per_unit
-
-FRAME_SIZE = 0.03  # [m] length of the drawn axes of a link frame. Larger: they hide more of small links.
 
 
 def add_robot(
@@ -35,7 +33,7 @@ def add_robot(
     group = bpy.data.collections.new(robot.name or urdf.stem)
     context.scene.collection.children.link(group)
     metre, file = metres_per_unit(context.scene), kept_path(str(urdf.absolute()))
-    frames = {link: _frame(f"{link}_frame", metre) for link in robot.links}
+    frames = {link: new_frame(link, metre) for link in robot.links}
     links = []
     for link, frame in frames.items():
         group.objects.link(frame)
@@ -46,18 +44,10 @@ def add_robot(
         if link in problems:
             frame.skin_calib.link, frame.skin_calib.refusal = link, problems[link]
         if link in meshes:
-            links.append(add_link(context, meshes[link], "m", link))
-            context.scene.collection.objects.unlink(links[-1])
-            group.objects.link(links[-1])
-            links[-1].parent, settings = frame, links[-1].skin_calib
+            links.append(add_link(context, meshes[link], "m", link, frame))
+            settings = links[-1].skin_calib
             settings.link, settings.mesh_file, settings.urdf = link, urdf.name, file
     return links
-
-
-def _frame(name: str, metre: float) -> bpy.types.Object:
-    frame = bpy.data.objects.new(name, None)
-    frame.empty_display_type, frame.empty_display_size = "ARROWS", FRAME_SIZE / metre
-    return frame
 
 
 def _in_units(pose: Array, metre: float) -> Matrix:

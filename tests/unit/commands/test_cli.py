@@ -13,6 +13,7 @@ import pytest
 
 from skin_calib_addon.calibration import Response, ResponseTable, load_calibration, save_calibration, to_document
 from skin_calib_addon.cli import main
+from skin_calib_addon.common.warnings import Warning
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
 from skin_calib_addon.pictures import calibration as calibration_picture
 from skin_calib_addon.plan import load_plan
@@ -517,6 +518,18 @@ def test_scene_plans_replace_plan_files(fitted, capsys):
     assert (fitted / "a.json").read_bytes() == (fitted / "tube.calibration.json").read_bytes()
     assert main(["fit", "-o", str(fitted / "c.json")], lambda: []) == 1
     assert "The scene has no link to fit" in capsys.readouterr().err
+
+
+def test_warnings_of_a_scene_are_printed_and_kept(fitted, capsys):
+    """They are about the object, and no file has them: the calibration and the report repeat them."""
+    warning = Warning("moved-object", "warning", "tube is moved.")
+    plan, mesh = load_plan(fitted / "tube.plan.json"), cylinder(around=24, along=8)
+    out, report = fitted / "a.json", fitted / "report.json"
+    scene = [(replace(plan, warnings=(warning,)), mesh)]
+    assert main(["fit", "-o", str(out), "--report", str(report)], lambda: scene) == 0
+    assert load_calibration(out).warnings[0] == warning
+    assert "tube is moved. [moved-object]" in capsys.readouterr().err
+    assert json.loads(report.read_text())["warnings"][0]["code"] == "moved-object"
 
 
 @pytest.mark.parametrize("command", ["fit", "show"])
