@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from ...common.arrays import Array, IntArray, cross
+from ...common.arrays import Array, IntArray, cross, norms, unit
 from ...common.errors import InvalidMesh
 
-# [1] of the area of a polygon that a triangle may be turned over for the division into a fan. Larger: triangles overlap
-# where a polygon is slightly concave. Smaller: rounding of straight sides changes the division.
+# [1] of the squared extent of a polygon that triangles of a fan may overlap, and that has no area. Larger: triangles
+# overlap where a polygon is slightly concave. Smaller: rounding of straight or equal sides makes polygons concave.
 MAX_OVERLAP = 1e-6
 
 
@@ -37,41 +37,49 @@ def triangulated(vertices: Array, corners: Any, counts: Any) -> IntArray:
     with np.errstate(invalid="ignore", over="ignore"):  # vertices that are not finite are refused later
         a, b, c = vertices[triangles.T]
         areas = cross(b - a, c - a)
-        total = np.column_stack([np.bincount(polygon, column, len(counts)) for column in areas.T])[polygon]
-        overlaps = (areas * total).sum(axis=1) < -MAX_OVERLAP * (total * total).sum(axis=1)
+        total = np.column_stack([np.bincount(polygon, column, len(counts)) for column in areas.T])
+        extent = np.zeros(len(counts))
+        np.maximum.at(extent, polygon, norms(c - a))
+        overlaps = (areas * unit(total)[polygon]).sum(axis=1) < -MAX_OVERLAP * extent[polygon] ** 2
     concave = np.unique(polygon[overlaps])
     ends = np.cumsum(counts)
     for i in concave.tolist():
         own = corners[ends[i] - counts[i] : ends[i]]
-        triangles[polygon == i] = own[_ears(vertices[own], total[polygon == i][0])]
+        triangles[polygon == i] = own[_ears(vertices[own], total[i], MAX_OVERLAP * extent[i] ** 2)]
     return triangles
 
 
-def _ears(points: Array, normal: Array) -> list[tuple[int, int, int]]:
-    """Return the triangles of a polygon (k, 3) with this normal: corners that contain no other one are cut off."""
+def _ears(points: Array, normal: Array, least: float) -> list[tuple[int, int, int]]:
+    """Return the triangles of a polygon (k, 3) with this normal: corners that contain no other one are cut off.
+
+    Triangles with twice an area of ``least`` [m^2] or less have none.
+    """
     x, y = np.delete(points, np.abs(normal).argmax(), axis=1).T
     z = x + 1j * y
     if _turn(z[0], z[1:-1], z[2:]).sum() < 0:
         z = z.conjugate()
     ring, ears = list(range(len(z))), []
-    while len(ring) > 3:
-        triples = [(ring[at - 1], ring[at], ring[(at + 1) % len(ring)]) for at in range(len(ring))]
-        ear = next((triple for triple in triples if _is_ear(z, triple, ring)), None)
-        if ear is None:
-            raise ValueError(f"it has a polygon of {len(z)} corners that crosses itself; export triangles")
+    while ring:
+        triples = [(ring[at - 2], ring[at - 1], ring[at]) for at in range(len(ring))]
+        ear = next((triple for triple in triples if _is_ear(z, triple, ring, least)), None)
+        if ear is None:  # what is left has no area
+            ear = min(triples, key=lambda triple: abs(_turn(*z[list(triple)])))
+            if abs(_turn(*z[list(ear)])) > least:
+                raise ValueError(f"it has a polygon of {len(z)} corners that crosses itself; export triangles")
         ears.append(ear)
-        ring.remove(ear[1])
-    return [*ears, (ring[0], ring[1], ring[2])]
+        ring = [corner for corner in ring if corner != ear[1]] if len(ring) > 3 else []
+    return ears
 
 
-def _is_ear(z: Any, triple: tuple[int, int, int], ring: list[int]) -> bool:
+def _is_ear(z: Any, triple: tuple[int, int, int], ring: list[int], least: float) -> bool:
     """Return whether the triangle of a corner and its neighbours is convex and contains no other corner."""
     a, b, c = z[list(triple)]
-    if _turn(a, b, c) <= 0:
+    if _turn(a, b, c) <= least:
         return False
     others = z[ring]
     others = others[(others != a) & (others != b) & (others != c)]  # bridges to holes have their corners twice
-    return not ((_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)).any()
+    sides = np.minimum(np.minimum(_turn(a, b, others), _turn(b, c, others)), _turn(c, a, others))
+    return not (sides >= -least).any()
 
 
 def _turn(a: Any, b: Any, c: Any) -> Any:
