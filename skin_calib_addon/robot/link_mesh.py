@@ -23,6 +23,7 @@ from ..geometry.mesh.triangle_mesh import (
     simple_shape,
     stacked,
     weld,
+    without_gaps,
 )
 from ..plan import Plan
 from ..plan.keys import NAME as PLAN_NAME
@@ -76,7 +77,7 @@ def _shape(shape: LinkShape) -> tuple[Array, IntArray]:
 
 def _single_precision(urdf: Path, robot: Robot, link: str) -> TriangleMesh:
     vertices, faces = _triangles(urdf, robot, link, "visual")
-    mesh = weld(vertices.astype(np.float32), faces)
+    mesh = without_gaps(weld(vertices.astype(np.float32), faces))
     if not MIN_MESH_SIZE <= mesh.size <= MAX_MESH_SIZE:
         raise InvalidMesh(
             f"{link} has a diameter of {mesh.size:.4g} m in {urdf.name}. Correct the scale of its mesh in the URDF."

@@ -18,6 +18,7 @@ from ...common.errors import InvalidMesh
 from ...common.interruptions import interruptions_deferred
 from ..components import components
 from .dae import read_dae
+from .gaps import closed
 from .glb import read_glb
 from .obj import read_obj
 from .off import read_off
@@ -225,6 +226,15 @@ def at_rims(faces: IntArray, count: int) -> BoolArray:
     return found
 
 
+def without_gaps(mesh: TriangleMesh) -> TriangleMesh:
+    """Return a mesh without gaps of rounding between adjacent faces; the same if it has none, or would lose faces."""
+    vertices = closed(mesh.vertices, mesh.faces, at_rims(mesh.faces, len(mesh.vertices)))
+    if vertices is mesh.vertices:
+        return mesh
+    result = weld(vertices, mesh.faces)
+    return result if len(result.faces) == len(mesh.faces) else mesh
+
+
 def joined(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
     """Return several meshes as one."""
     return weld(*stacked([(mesh.vertices, mesh.faces) for mesh in meshes]))
@@ -298,7 +308,7 @@ def read_mesh(path: str | Path) -> TriangleMesh:
     except Exception as error:  # libraries raise many types of exceptions for broken files
         raise InvalidMesh(f"{path.name} is not a valid {kind.upper()} file: {error}", path=str(path)) from error
     try:
-        return weld(vertices, faces)
+        return without_gaps(weld(vertices, faces))
     except InvalidMesh as error:
         raise InvalidMesh(f"{path.name}: {error}", **error.numbers) from error
 
