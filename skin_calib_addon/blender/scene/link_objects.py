@@ -7,8 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...geometry.mesh.triangle_mesh import TriangleMesh
-from ...geometry.mesh.units import UNITS
+from ...geometry.mesh.triangle_mesh import METRES_PER_UNIT, TriangleMesh
 from .units import metres_per_unit
 
 
@@ -53,7 +52,7 @@ def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: st
     data.shade_flat()
     data.update(calc_edges=True)
     link = bpy.data.objects.new(name, data)
-    factor = UNITS[unit] / metres_per_unit(context.scene)
+    factor = METRES_PER_UNIT[unit] / metres_per_unit(context.scene)
     link.scale = (factor, factor, factor)
     context.scene.collection.objects.link(link)
     return link

@@ -35,7 +35,7 @@ READERS: dict[str, Callable[[Path], tuple[Array, IntArray]]] = {
     "glb": read_glb,
 }
 FORMATS = tuple(READERS)
-METRES_PER_UNIT = {"m": 1.0, "mm": 1e-3}
+METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 ROUND_SIDES = 64  # faces around a cylinder, sphere or capsule: it deviates by 0.1 % of its radius. Larger: slower
 MIN_MESH_SIZE = 2e-3  # [m] least size of the mesh of a link; below, the unit is wrong. Smaller: wrong units pass
 MAX_MESH_SIZE = 5.0  # [m] largest size of the mesh of a link; above, the unit is wrong. Larger: wrong units pass
@@ -254,7 +254,7 @@ def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
     ----------
     path : path
         An STL, PLY, OBJ, OFF, DAE or GLB file.
-    unit : "m" or "mm"
+    unit : "m", "cm", "mm" or "in"
         Unit of the numbers in the file.
 
     Returns
@@ -329,6 +329,9 @@ def check_size(mesh: TriangleMesh, unit: str, name: str) -> None:
     """Check that the size of a mesh fits its unit."""
     if MIN_MESH_SIZE <= mesh.size <= MAX_MESH_SIZE:
         return
-    other = {"m": "mm", "mm": "m"}[unit] if (mesh.size > MAX_MESH_SIZE) == (unit == "m") else None
-    advice = f'It is probably in {other}: set "unit": "{other}".' if other else "Scale it to its real size."
+    others = {name: mesh.size / METRES_PER_UNIT[unit] * metre for name, metre in METRES_PER_UNIT.items()}
+    possible = [f'"{n}" ({d * 1e3:.4g} mm)' for n, d in others.items() if MIN_MESH_SIZE <= d <= MAX_MESH_SIZE]
+    advice = (
+        f'Set "unit" to that of its numbers: {" or ".join(possible)}.' if possible else "Scale it to its real size."
+    )
     raise InvalidMesh(f'{name} has a diameter of {mesh.size:.4g} m when read in "{unit}". {advice}', size=mesh.size)

@@ -1,10 +1,7 @@
 """The probable unit of the numbers of a mesh, from their size."""
 
-from .triangle_mesh import METRES_PER_UNIT
-
 MIN_LINK_LENGTH = 5e-3  # [m] least longest side of a link with skin, a fingertip. Smaller: more units are plausible
 MAX_LINK_LENGTH = 3.0  # [m] largest longest side of a link with skin, a crane. Larger: more units are plausible
-UNITS = METRES_PER_UNIT | {"cm": 1e-2, "in": 0.0254}
 UNIT_NAMES = {"m": "metres", "cm": "centimetres", "mm": "millimetres", "in": "inches"}
 
 
@@ -26,5 +23,5 @@ def likely_mistake(side: float) -> tuple[str, float] | None:
     """
     if is_plausible(side):
         return None
-    others = {"mm": UNITS["mm"], "cm": UNITS["cm"]} if side > MAX_LINK_LENGTH else {"m": 1 / UNITS["mm"]}
+    others = {"mm": 1e-3, "cm": 1e-2} if side > MAX_LINK_LENGTH else {"m": 1e3}
     return next(((unit, factor) for unit, factor in others.items() if is_plausible(side * factor)), ("", 1.0))
