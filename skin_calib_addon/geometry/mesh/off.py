@@ -10,7 +10,7 @@ from .polygons import triangulated
 from .words import numbers, shown, words_of_lines
 
 # Format: textures, colours and normals follow the coordinates. Vertices of other dimensions begin with others.
-HEADER = re.compile(rb"(?:ST)?C?N?OFF")
+HEADER = re.compile(rb"(?:ST)?C?N?OFF", re.I)
 
 
 def read_off(path: Path) -> tuple[Array, IntArray]:

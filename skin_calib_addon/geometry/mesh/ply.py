@@ -69,7 +69,7 @@ def _parsed(lines: Iterable[bytes]) -> tuple[bytes, list[tuple[str, int, list[Pr
                 case ["format", form, "1.0"]:
                     kind = form.encode()
                     BYTE_ORDERS[kind]
-                case ["element", name, rows]:
+                case ["element", name, rows] if rows.isdecimal():
                     elements.append((name, int(rows), []))
                 case ["property", *_, name] if any(name == p for p, _, _ in elements[-1][2]):
                     raise ValueError
@@ -95,7 +95,7 @@ def _columns(data: bytes, at: int, rows: int, properties: list[Property], order:
         fields += [(f"count of {name}", order + count, ())] if count else []
         fields.append((name, order + values, (lengths[name],)))
     row = np.dtype(fields)
-    if at + rows * row.itemsize <= len(data):  # quickly, if all lists are as long as those of the first row
+    if 0 < rows * row.itemsize <= len(data) - at:  # quickly, if all lists are as long as those of the first row
         table = np.frombuffer(data, row, rows, at)
         if all((table[f"count of {name}"] == lengths[name]).all() for name, count, _ in properties if count):
             columns = {name: (table[name].ravel(), np.full(rows, lengths[name])) for name in lengths}
@@ -117,7 +117,7 @@ def _walked(data: bytes, at: int, rows: int, properties: list[Property], order: 
         )
         for name, count, kind in properties
     ]
-    for _ in range(rows):
+    for _ in range(rows if layout else 0):
         for column, lengths, counter, kind, size in layout:
             length = 1
             if counter is not None:

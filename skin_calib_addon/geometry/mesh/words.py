@@ -20,6 +20,8 @@ def words_of_lines(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
         elif words:
             yield number, words
             words = []
+    if words:
+        yield number, words
 
 
 def numbers(words: Sequence[bytes]) -> Array:
