@@ -31,7 +31,7 @@ def read_off(path: Path) -> tuple[Array, IntArray]:
     vertices, faces = (int(count) for count in counts[:2])
     if len(rows) - at != vertices + faces:
         words = f"its header announces {vertices} vertices and {faces} faces, but {len(rows) - at} lines follow"
-        raise ValueError(f"{words}; it is truncated, or does not have a line for each")
+        raise ValueError(f"{words}; it is truncated, or does not have a line for each; export it again")
     points, polygons = rows[at : at + vertices], rows[at + vertices :]
     if any(len(words) < 3 for words in points):
         raise ValueError("its vertices have less than 3 coordinates")

@@ -42,9 +42,9 @@ def read_ply(path: Path) -> tuple[Array, IntArray]:
         try:
             tables[name], at = _columns(data, at, rows, properties, BYTE_ORDERS[kind])
         except struct.error:
-            raise ValueError(f"it is truncated: its header announces {rows} rows of {name}, which has less") from None
+            raise ValueError(f"it is truncated: its header announces {rows} rows of {name}; export it again") from None
     if at != len(data):
-        raise ValueError("it has more data than its header announces")
+        raise ValueError("it has more data than its header announces; export it again")
     for c in "xyz":
         if c not in tables.get("vertex", {}):
             raise ValueError(f"its vertices have no coordinate {c}")

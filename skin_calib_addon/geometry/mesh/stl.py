@@ -32,9 +32,13 @@ def read_stl(path: Path) -> tuple[Array, IntArray]:
         raise ValueError("it is neither binary nor text that begins with 'solid'")
     elif surplus < 0:
         found = (len(content) - HEADER) // FACE.itemsize
-        raise ValueError(f"it is truncated: its header announces {announced} faces, but {found} were found")
+        raise ValueError(
+            f"it is truncated: its header announces {announced} faces, but {found} were found; export it again"
+        )
     else:
-        raise ValueError(f"it has {surplus} bytes after the {announced} faces that its header announces")
+        raise ValueError(
+            f"it has {surplus} bytes after the {announced} faces that its header announces; export it again"
+        )
     return corners.reshape(-1, 3), np.arange(len(corners.reshape(-1, 3))).reshape(-1, 3)
 
 
@@ -47,7 +51,9 @@ def _corners_of_text(content: bytes) -> Array:
         for line in part.splitlines():
             words = line.lower().split()
             if words and words[0] not in (b"solid", b"endsolid"):
-                raise ValueError(f"its face {number} is incomplete, or no triangle: {shown(line.strip())}")
+                raise ValueError(
+                    f"its face {number} is incomplete, or no triangle: {shown(line.strip())}; export it again"
+                )
     if b"endsolid" not in between[-1].lower():
-        raise ValueError(f"it is truncated: it has no 'endsolid' after its {len(between) - 1} faces")
+        raise ValueError(f"it is truncated: it has no 'endsolid' after its {len(between) - 1} faces; export it again")
     return numbers(parts)

@@ -180,7 +180,7 @@ WRONG = {
     "off, binary": (off("OFF BINARY\n10 8 0\n"), 'it begins with "OFF BINARY"'),
     "off, short face": (off().replace("\n5 4 3 2 1 0", "\n6 4 3 2 1 0"), "a face with less corners than it announces"),
     "off, no number": (off().replace("0.25", "0,25", 1), 'it has "0,25" instead of a number'),
-    "ply, truncated": (ply()[:-1], "it is truncated: its header announces 8 rows of face, which has less"),
+    "ply, truncated": (ply()[:-1], "it is truncated: its header announces 8 rows of face; export it again"),
     "ply, truncated text": (ply("")[:-4], "it is truncated: its header announces 8 rows of face"),
     "ply, more": (ply() + b"\0", "it has more data than its header announces"),
     "ply, strips": (ply().replace(b"material", b"tristrip").replace(b"names", b"vertex_indices"), "element tristrip"),
