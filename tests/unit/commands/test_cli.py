@@ -156,7 +156,7 @@ def test_fit_takes_many_plans_into_a_folder(folder, jobs, capsys):
 
 
 BAD_PLANS = {  # of each stage one
-    "metres as millimetres": ({"unit": "mm"}, 'set "unit": "m"'),
+    "metres as millimetres": ({"unit": "mm"}, 'Set "unit" to that of its numbers: "m" (122.1 mm)'),
     "plane misses": (
         {"grid": planes([0.01, 0.03, 0.05, 0.07, 0.3])},
         "u-plane 4, through (0.0, 0.0, 300.0) mm, does not intersect",
@@ -342,12 +342,12 @@ def test_missing_package_of_authors_is_one_line(fitted):
     assert without_scipy("fit", fitted / "tube.plan.json", "-o", fitted) == (1, "", words)
 
 
-@pytest.mark.parametrize("module, kind, package", [("trimesh", "obj", "trimesh"), ("collada", "dae", "pycollada"),
+@pytest.mark.parametrize("module, kind, package", [("trimesh", "glb", "trimesh"), ("collada", "dae", "pycollada"),
                                                    ("igl", "ply", "libigl")])  # fmt: skip
 def test_missing_package_of_a_mesh_is_one_line(folder, capsys, monkeypatch, module, kind, package):
     """The readers of single formats, and distances, import their packages late."""
     if kind != "ply":
-        (folder / f"tube.{kind}").write_text("v 0 0 0\n")
+        pytest.importorskip("trimesh").creation.box().export(folder / f"tube.{kind}")
     monkeypatch.setitem(sys.modules, module, None)
     plan = write_plan(folder, mesh=f"tube.{kind}")
     assert main(["fit", str(plan), "-o", str(folder / "out.json")]) == 1
