@@ -16,6 +16,7 @@ from skin_calib_addon.cli import main
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
 from skin_calib_addon.pictures import calibration as calibration_picture
 from skin_calib_addon.plan import load_plan
+from skin_calib_addon.robot.link_mesh import load_plan_mesh
 from tests.examples import slow
 from tests.samples import cylinder as surface_tube
 from tests.samples import plane, small_calibration
@@ -227,6 +228,16 @@ def test_one_plan_of_a_folder_gets_a_folder(folder):
     assert [path.name for path in (folder / "reports").iterdir()] == ["tube.report.json"]
     assert main(["fit", str(plan), "-o", f"{folder / 'again'}/"]) == 0
     assert (folder / "again/tube.calibration.json").is_file()
+
+
+def test_propose_reads_centimetres(tmp_path):
+    """The plan keeps the unit of the mesh; its mesh has the size of the tube in metres."""
+    tube = cylinder(around=24, along=8)
+    save_mesh(TriangleMesh(tube.vertices * 100, tube.faces), tmp_path / "tube.ply")
+    words = ["--unit", "cm", "--skin", "sheet:2x3x10mm", "-o", str(tmp_path)]
+    assert main(["propose", str(tmp_path / "tube.ply"), *words]) == 0
+    plan = load_plan(tmp_path / "tube.plan.json")
+    assert plan.unit == "cm" and load_plan_mesh(plan).size == pytest.approx(tube.size)
 
 
 @pytest.mark.parametrize("option", ["--only", "--except", "--skin", "--unit"])
