@@ -9,8 +9,8 @@ from ..skin_calib_addon.blender.scene import link_meshes, link_objects, showing
 from ..skin_calib_addon.common.errors import UnknownLink, counted
 from ..skin_calib_addon.common.findings import show
 from ..skin_calib_addon.geometry.mesh.defects import edges_at
-from ..skin_calib_addon.geometry.mesh.triangle_mesh import read_mesh
-from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, UNITS, likely_mistake, likely_unit
+from ..skin_calib_addon.geometry.mesh.triangle_mesh import METRES_PER_UNIT, read_mesh
+from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, is_plausible, likely_unit
 from ..skin_calib_addon.robot.link_mesh import USES, axis_warning, load_link, meshes_of
 from ..skin_calib_addon.robot.urdf import read_robot
 from .base import Operator, busy, no_mesh, not_editable
@@ -25,8 +25,8 @@ def add_link(operator, context, mesh, unit, name, file, warning=""):
     link = link_objects.add_link(context, mesh, unit, name)
     link.skin_calib.link, link.skin_calib.mesh_file = name, file
     hidden = showing.present(context, [link, link.parent])
-    side = float(np.ptp(mesh.vertices, axis=0).max()) * UNITS[unit]
-    wrong = likely_mistake(side)
+    side = float(np.ptp(mesh.vertices, axis=0).max()) * METRES_PER_UNIT[unit]
+    wrong = not is_plausible(side)
     size = f"{name}: {counted(len(mesh.faces), 'face')} in {UNIT_NAMES[unit]}, {side * 1e3:.4g} mm long"
     ending = ". Check the unit" if wrong else f". {hidden}" if hidden else ""
     operator.report({"WARNING"} if wrong else {"INFO"}, size + ending)
@@ -145,13 +145,14 @@ class SKIN_OT_scale_to_unit(Operator):
         items=[
             ("mm", "Millimetres", "The numbers are millimetres, not metres: a thousandth of the size"),
             ("cm", "Centimetres", "The numbers are centimetres, not metres: a hundredth of the size"),
+            ("in", "Inches", "The numbers are inches, not metres: 0.0254 times the size"),
             ("m", "Metres", "The numbers are metres, not millimetres: a thousand times the size"),
         ],
     )
 
     def act(self, context):
         link = context.object
-        factor = 1 / UNITS["mm"] if self.unit == "m" else UNITS[self.unit]
+        factor = 1 / METRES_PER_UNIT["mm"] if self.unit == "m" else METRES_PER_UNIT[self.unit]
         link.scale = [factor * s for s in link.scale]
         link.skin_calib.result.outdated = True
         context.view_layer.update()

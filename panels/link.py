@@ -12,7 +12,7 @@ from ..skin_calib_addon.blender.scene.preferences import preferences
 from ..skin_calib_addon.blender.scene.warnings import read_warning
 from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import counted
-from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, likely_mistake
+from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, is_plausible, possible_units
 from .base import Step, button, buttons, field, serious_of, show_text, show_warning
 from .robot import listed
 from .rows import draw_keys, keys_in
@@ -38,20 +38,18 @@ class LinkStep(Step):
         draw_imports(layout)
 
     def draw_unit(self, layout):
-        """Draw a warning about a size that links do not have, and the button that corrects it."""
+        """Draw a warning about a size that links do not have, and a button for each unit that may be the right one."""
         context = bpy.context
         side = longest_side(context.object, context.scene)
-        wrong = likely_mistake(side) if context.object.skin_calib.link and side else None
-        if wrong is None:
+        if not context.object.skin_calib.link or not side or is_plausible(side):
             return
-        unit, _ = wrong
-        box = layout.box()
-        question = f"{UNIT_NAMES[unit]}?" if unit else "check its scale"
-        column = box.column(align=True)
+        units = possible_units(side)
+        column = layout.box().column(align=True)
         show_text(column, f"This mesh is {side:.3g} m long:", "ERROR")
-        show_text(column, question, "BLANK1")
-        if unit:
-            button(box, "scale_to_unit", text=f"Scale to {UNIT_NAMES[unit].capitalize()}", icon="NONE", unit=unit)
+        show_text(column, "what is its unit?" if units else "check its scale", "BLANK1")
+        for unit, factor in units.items():
+            text = f"{UNIT_NAMES[unit].capitalize()}: {side * factor * 1e3:.4g} mm"
+            button(column, "scale_to_unit", text=text, icon="NONE", unit=unit)
 
 
 def shortened_by(finding, above):

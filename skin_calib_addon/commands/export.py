@@ -92,6 +92,11 @@ def _export_robot(options: argparse.Namespace) -> int:
         say(f"collision shapes that would hide skin are switched off: {', '.join(model.uncovered)}")
     for line in model.covered:
         complain(f"warning: {line}")
+    if model.assumed:
+        say(
+            "the URDF does not state the mass and inertia of moving links, or of links that are fixed to them; "
+            f"MuJoCo assumed {', '.join(model.assumed)}. Write them in the URDF before a simulation"
+        )
     if model.balanced:
         say(f"no rigid body has the inertia that the URDF states; MuJoCo changed it: {', '.join(model.balanced)}")
     return WRONG_DATA if problems or model.problems else DONE

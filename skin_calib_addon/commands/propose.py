@@ -10,6 +10,7 @@ from pathlib import Path
 from ..common.atomic_file import make_folder
 from ..common.errors import InvalidMesh, OutputError, SkinCalibError, UnknownLink, counted
 from ..common.findings import did_you_mean, show
+from ..geometry.mesh.triangle_mesh import METRES_PER_UNIT
 from ..plan import load_plan, named_from, save_plan
 from ..plan.skins import following_channel
 from ..proposal.links import (
@@ -68,7 +69,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="LINK",
         help="no links with this name, or of this pattern; can be repeated",
     )
-    parser.add_argument("--unit", choices=("m", "mm"), help="unit of the numbers of a mesh (default: m)")
+    parser.add_argument("--unit", choices=tuple(METRES_PER_UNIT), help="unit of the numbers of a mesh (default: m)")
     parser.add_argument("--jobs", type=count, default=1, metavar="N", help="number of parallel processes (default: 1)")
 
 

@@ -806,7 +806,12 @@ MESH_KEY = Key(
 )
 UNIT = Key(
     "unit",
-    choice(Choice("m", "Metres", "Metres"), Choice("mm", "Millimetres", "Millimetres")),
+    choice(
+        Choice("m", "Metres", "Metres"),
+        Choice("mm", "Millimetres", "Millimetres"),
+        Choice("cm", "Centimetres", "Centimetres"),
+        Choice("in", "Inches", "Inches"),
+    ),
     "Unit of the numbers in the mesh file.",
     label="",
 )

@@ -1,6 +1,7 @@
 """Load the mesh of a plan; of a link of a URDF: find its files, scale them, and transform them to the link frame."""
 
 import contextlib
+import itertools
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -23,6 +24,7 @@ from ..geometry.mesh.triangle_mesh import (
     simple_shape,
     stacked,
     weld,
+    without_gaps,
 )
 from ..plan import Plan
 from ..plan.keys import NAME as PLAN_NAME
@@ -76,7 +78,7 @@ def _shape(shape: LinkShape) -> tuple[Array, IntArray]:
 
 def _single_precision(urdf: Path, robot: Robot, link: str) -> TriangleMesh:
     vertices, faces = _triangles(urdf, robot, link, "visual")
-    mesh = weld(vertices.astype(np.float32), faces)
+    mesh = without_gaps(weld(vertices.astype(np.float32), faces))
     if not MIN_MESH_SIZE <= mesh.size <= MAX_MESH_SIZE:
         raise InvalidMesh(
             f"{link} has a diameter of {mesh.size:.4g} m in {urdf.name}. Correct the scale of its mesh in the URDF."
@@ -175,10 +177,12 @@ def find_file(address: str, urdf: Path) -> Path:
 
     The package is searched in this order: folders of this name in the folder of the URDF or above; the search paths of
     ROS; the folder of the URDF and those above, under any name. The last candidate is the folder of the URDF itself. If
-    the path of the URDF has symbolic links, the search then repeats from the folder that they lead to.
+    the path of the URDF has symbolic links, the search then repeats from the folder that they lead to. Escaped
+    characters of an address, such as ``%20``, are searched as they are, and then as what they mean.
     """
-    for file in dict.fromkeys((urdf.absolute(), Path(os.path.realpath(urdf)))):
-        for path in _candidates(address, file):
+    files = dict.fromkeys((urdf.absolute(), Path(os.path.realpath(urdf))))
+    for form, file in itertools.product(dict.fromkeys((address, unquote(address))), files):
+        for path in _candidates(form, file):
             if os.path.isfile(path):  # Path.is_file raises for names that are too long
                 return path
     raise InvalidMesh(
@@ -190,7 +194,7 @@ def find_file(address: str, urdf: Path) -> Path:
 def _candidates(address: str, urdf: Path) -> Iterator[Path]:
     scheme, _, rest = address.rpartition("://")
     if scheme in ("", "file"):
-        yield urdf.parent / (unquote(rest) if scheme else rest)
+        yield urdf.parent / rest
     else:
         package, _, inner = rest.partition("/")
         yield from (folder / package / inner for folder in urdf.parents)

@@ -27,7 +27,9 @@ MIN_PROTRUSION = 1e-3
 PARTS = ("link", "joint", "material")  # Format: what MuJoCo needs of a URDF; others are of simulators and controllers
 WORLD = "world"  # Format: name of the body of MuJoCo that carries all others; a first link of this name is this body
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")  # Format: attributes in a URDF
+MOMENTS = ("ixx", "iyy", "izz")  # Format: those of them that are positive
 INERTIA_PRECISION = 1e-4  # Format: [1] of inertias in a URDF
+MASS_PRECISION = 1e-3  # Format: [1] of masses in the models that MuJoCo writes. Larger: another mass is not stated
 # [1] of the largest inertia of a flat part below the sum of the others. Larger: a less exact inertia; smaller: the six
 # digits of the model that MuJoCo writes make it impossible.
 INERTIA_MARGIN = 2e-5
@@ -54,6 +56,7 @@ class RobotModel:
     uncovered: tuple[str, ...]  # bodies with a collision shape that is switched off, because it would hide a skin
     covered: tuple[str, ...]  # taxels below collision shapes of other links, a line for each pair of links
     balanced: tuple[str, ...]  # links whose inertia no rigid body can have; the model has another one
+    assumed: tuple[str, ...]  # moving links whose mass or inertia the URDF does not state, with their mass in the model
 
 
 def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibration], mesh_folder: str) -> RobotModel:
@@ -86,10 +89,12 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
         spec.meshdir = mesh_folder
         text = spec.to_xml().replace("<compiler ", '<compiler balanceinertia="true" ', 1)  # MuJoCo does not write it
         files = {f"{mesh_folder}/{name}": content for name, content in meshes.items()}
-        mujoco.MjModel.from_xml_string(text, files)
+        model = mujoco.MjModel.from_xml_string(text, files)
     except (ValueError, mujoco.FatalError) as error:
         raise SkinCalibError(f"MuJoCo does not accept {urdf.name}: {' '.join(str(error).split())}") from error
-    return RobotModel(text.encode(), meshes, sources, tuple(problems), uncovered, covered, impossible)
+    masses = {model.body(i).name: float(model.body_mass[i]) for i in range(model.nbody)}
+    assumed = _with_assumed_mass(robot, ET.fromstring(description), masses)
+    return RobotModel(text.encode(), meshes, sources, tuple(problems), uncovered, covered, impossible, assumed)
 
 
 def _with_possible_inertias(root: ET.Element) -> tuple[str, ...]:
@@ -115,6 +120,37 @@ def _with_possible_inertias(root: ET.Element) -> tuple[str, ...]:
                 values = (axes * principal @ axes.T)[np.triu_indices(3)].tolist()
                 inertia.attrib.update(zip(INERTIA, map(repr, values)))
     return tuple(found)
+
+
+def _with_assumed_mass(robot: Robot, root: ET.Element, masses: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the moving links that have another mass [kg] in the model than in the URDF, or no inertia in the URDF.
+
+    Links that are fixed to each other count together: many are frames without mass. MuJoCo computes a mass from the
+    shapes of a link without inertial, and has a lower limit of masses and inertias.
+    """
+    above = {joint.child: joint for joint in robot.joints.values()}
+    groups: dict[str, list[str]] = {}
+    for link in robot.links:
+        first = link
+        while first in above and above[first].type == "fixed":
+            first = above[first].parent
+        groups.setdefault(first, []).append(link)
+    stated = {link.get("name", ""): _mass_and_inertia(link) for link in root.findall("link")}
+    found = []
+    for first, links in groups.items():
+        mass, inertia = np.sum([stated.get(link, (0.0, 0.0)) for link in links], axis=0)
+        model = sum(masses.get(link, 0.0) for link in links)
+        rounding = MASS_PRECISION * mass + len(links) * float(COMPILER["boundmass"])
+        if first in above and (mass <= 0 or inertia <= 0 or abs(model - mass) > rounding):
+            found.append(f"{first} ({model:.3g} kg)")
+    return tuple(found)
+
+
+def _mass_and_inertia(link: ET.Element) -> tuple[float, float]:
+    """Return the mass [kg] and the sum of the moments of inertia [kg m^2] that a URDF states of a link, or zero."""
+    mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
+    moments = [] if inertia is None else [float(inertia.get(name, "0")) for name in MOMENTS]
+    return 0.0 if mass is None else float(mass.get("value", "0")), sum(moments)
 
 
 def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -5,6 +5,7 @@ from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path, PurePosixPath
+from urllib.parse import unquote
 
 from ..calibration.exchange.xml_nodes import Node, XmlError, children_of_root
 from ..common.errors import CalibrationFormatError, UnknownLink, listed
@@ -25,6 +26,11 @@ SHAPES = {
     "sphere": {"radius": 1},
     "capsule": {"radius": 1, "length": 1},  # of the cylinder between its half spheres
 }
+# Format: attributes of the elements that place and shape a part, by the elements that have them.
+PLACES = {"origin": ("xyz", "rpy"), "axis": ("xyz",)}
+GEOMETRY = {"mesh": ("filename", "scale", "name")} | {kind: (*sizes, "name") for kind, sizes in SHAPES.items()}
+OWNERS = ("visual", "collision", "inertial", "joint")  # Format: elements with an origin
+PROPERTIES = ("drake:declare_convex",)  # elements in shapes that do not change them
 JOINT_TYPES = (*ONE_AXIS, "fixed", "floating", "planar")  # Format
 
 Triple = tuple[float, float, float]
@@ -117,6 +123,8 @@ def _parsed(text: str, path: Path) -> Robot:
                 if part.tag.startswith("xacro:"):
                     raise XmlError("xacro", part.line, f"has the element {show(part.tag)}, which is not of a URDF")
                 parts += part.children
+                if node.tag in ("link", "joint"):
+                    _refuse_unknown(part)
             if node.tag in ("link", "joint"):
                 own = node.attribute("name")
                 if own in (links if node.tag == "link" else joints):
@@ -162,14 +170,34 @@ def compare(robot: Robot, plan: Plan) -> tuple[Warning, ...]:
     return tuple(warnings)
 
 
+def _refuse_unknown(part: Node) -> None:
+    """Raise XmlError if an element in a link or a joint places or shapes it in a form that is not known."""
+    owner = part.parent or part
+    if part.tag in PLACES and owner.tag in OWNERS:
+        part.only(PLACES[part.tag])
+        if any(other.tag == part.tag for other in owner.children if other is not part):
+            raise XmlError("duplicate", part.line, f"has two elements {part.tag} in one {owner.tag}; keep one")
+    in_geometry = owner.tag == "geometry" and owner.parent is not None and owner.parent.tag in ("visual", "collision")
+    if in_geometry and part.tag in GEOMETRY:
+        part.only(GEOMETRY[part.tag])
+    elif in_geometry or part.tag == "mesh":
+        message = f"has {show(part.tag)} in {owner.tag}, which is not supported"
+        raise XmlError(
+            "unknown-element", part.line, f"{message}; write {listed(tuple(GEOMETRY))} in geometry, or remove it"
+        )
+    if (owner.tag in PLACES or owner.tag in GEOMETRY) and part.tag not in PROPERTIES:
+        raise XmlError("unknown-element", part.line, f"has {show(part.tag)} in {owner.tag}, which is not supported")
+
+
 def _meshes(link: Node) -> list[LinkMesh]:
     """Return the visual and collision meshes of a link."""
     found = []
     for part, shape in _geometries(link, ("visual", "collision"), ("mesh",)):
         position, angles = (_numbers(_origin(part), name, "0 0 0") for name in ("xyz", "rpy"))
         address = shape.attribute("filename").replace("\\", "/")
+        file = unquote(address).rpartition("/")[2]
         scale, moved = _numbers(shape, "scale", "1 1 1"), any(position + angles)
-        found.append(LinkMesh(address.rpartition("/")[2], scale, moved, part.tag, address, position, angles))
+        found.append(LinkMesh(file, scale, moved, part.tag, address, position, angles))
     return found
 
 

@@ -106,7 +106,7 @@ def test_wrong_unit_is_noticed_and_scaled_in_one_step(bpy, addon, shown):
     assert not any("long" in line for line in draw(bpy, "link"))
     link.scale = (1000, 1000, 1000)
     frame_for(bpy, link)
-    assert {"This mesh is 80 m long:", "millimetres?", "Scale to Unit"} <= set(draw(bpy, "link"))
+    assert {"This mesh is 80 m long:", "what is its unit?", "Scale to Unit"} <= set(draw(bpy, "link"))
     bpy.ops.ed.undo_push(message="start")
     data = [v.co[:] for v in link.data.vertices]
     assert bpy.ops.skin_calib.scale_to_unit("EXEC_DEFAULT", True, unit="mm") == {"FINISHED"}

@@ -117,7 +117,10 @@ def test_bad_link_is_refused_by_button_and_command(bpy, addon, link, tmp_path, c
 
 BAD_PLANS = {
     "misspelt": ({"gird": PLAN["grid"]}, "arm.plan.json is not a valid plan: .*/gird"),
-    "wrong unit": ({"unit": "mm"}, 'arm.stl has a diameter of .* m when read in "mm". It is probably in m'),
+    "wrong unit": (
+        {"unit": "mm"},
+        'arm.stl has a diameter of .* m when read in "mm". Set "unit" to that of its numbers: "m"',
+    ),
     "no mesh": ({"mesh": "leg.stl"}, "no mesh file at .*leg.stl"),
     "huge response": ({"response": {"kind": "polynomial", "coefficients": [1e300]}}, "The plan has the number 1e.300"),
 }

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...common.arrays import Array, IntArray
 from ...common.errors import InvalidMesh
-from ...geometry.mesh.triangle_mesh import MAX_MESH_SIZE, MIN_MESH_SIZE, TriangleMesh, weld
+from ...geometry.mesh.triangle_mesh import MAX_MESH_SIZE, MIN_MESH_SIZE, TriangleMesh, weld, without_gaps
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Facets:
     def welded(self) -> TriangleMesh:
         """Return the mesh in metres in the link frame, of any size."""
         try:
-            return weld(*self.triangles())
+            return without_gaps(weld(*self.triangles()))
         except InvalidMesh as error:
             raise InvalidMesh(f"{self.name}: {error}", **error.numbers) from error
 

@@ -17,8 +17,7 @@ from mathutils import Matrix, Vector
 from ...common.arrays import Array, IntArray
 from ...common.errors import InvalidMesh
 from ...common.warnings import Warning
-from ...geometry.mesh.triangle_mesh import TriangleMesh
-from ...geometry.mesh.units import UNITS
+from ...geometry.mesh.triangle_mesh import METRES_PER_UNIT, TriangleMesh
 from .facets import Facets
 from .units import metres_per_unit, vector
 
@@ -178,7 +177,7 @@ def _scaled(link: bpy.types.Object, placed: Array, metre: float) -> Warning | No
         message = f"{link.name} is {resized[0]:.4g} times as large as it was at its import."
         advice = "Correct its scale, or the unit of the scene. If the size is right, import it again in its unit."
         return Warning("scaled-object", "warning", message, value=resized[0], advice=advice)
-    if all(abs(scale / unit - 1) > MAX_SCALE_DEVIATION for unit in (metre, *UNITS.values())):
+    if all(abs(scale / unit - 1) > MAX_SCALE_DEVIATION for unit in (metre, *METRES_PER_UNIT.values())):
         message = f"{link.name} has the scale {scale / metre:.4g}, which is no unit. Its taxels are on the scaled mesh."
         return Warning("scaled-object", "warning", message, value=scale / metre, advice=advice)
     if resized is not None and resized[1]:

@@ -7,8 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...geometry.mesh.triangle_mesh import TriangleMesh
-from ...geometry.mesh.units import UNITS
+from ...geometry.mesh.triangle_mesh import METRES_PER_UNIT, TriangleMesh
 from .units import metres_per_unit
 
 FRAME_SIZE = 0.03  # [m] length of the drawn axes of a link frame. Larger: they hide more of small links.
@@ -71,10 +70,10 @@ def add_link(
     data.shade_flat()
     data.update(calc_edges=True)
     link = bpy.data.objects.new(name, data)
-    factor = UNITS[unit] / metre
+    factor = METRES_PER_UNIT[unit] / metre
     link.parent, link.scale = frame, (factor, factor, factor)
     box = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    link.skin_calib.imported_box = np.ravel(box) * UNITS[unit]
+    link.skin_calib.imported_box = np.ravel(box) * METRES_PER_UNIT[unit]
     frame.users_collection[0].objects.link(link)
     return link
 

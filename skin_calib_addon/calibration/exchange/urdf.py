@@ -140,6 +140,7 @@ def _compose(a: Pose, b: Pose) -> Pose:
 
 
 def _pose(node: Node) -> Pose:
+    node.only(("idx", "xyz", "rpy") if node.tag == "taxel" else ("xyz", "rpy"))
     return _three(node, "xyz"), rotations(_three(node, "rpy")[None])[0]
 
 

@@ -1,9 +1,10 @@
 """Parse XML strictly: yield the children of the root one by one, with line numbers and without entities."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
+from ...common.errors import listed
 from ...common.findings import FoundError, show
 from ...common.plain_text import BLOCK_LENGTH
 from ...common.text import NumberError, real, shown, whole
@@ -45,6 +46,13 @@ class Node:
         if name not in self.attributes:
             raise XmlError("missing", self.line, f"starts an element {self.tag} without the attribute {name}")
         return self.attributes[name]
+
+    def only(self, names: Sequence[str]) -> None:
+        """Raise XmlError if the element has other attributes: they could change what those with these names mean."""
+        for name in self.attributes:
+            if name not in names:
+                message = f"has the attribute {show(name)} of {self.tag}, which is not supported; use {listed(names)}"
+                raise XmlError("unknown-attribute", self.line, message)
 
     def whole(self, name: str) -> int:
         """Return the value of an attribute as integer; raise XmlError if it is not an integer."""

@@ -9,12 +9,14 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ...common.arrays import Array, IntArray
+from .polygons import triangulated
 
 MAX_DAE_NODES = 100_000  # nodes of the scene, each as often as it is instanced. Larger: slower malicious files.
 # Elements without an effect on the shape. They are not read, so that defects in them do not matter.
 OTHER_PARTS = {
     *("library_images", "library_effects", "library_materials", "library_animations", "library_lights"),
     *("library_cameras", "library_physics_scenes", "bind_material", "instance_light", "instance_camera", "extra"),
+    *("lines", "linestrips"),
 }
 HEADER_BYTES = 65_536  # in which ``<up_axis>`` is found. Larger: slower; smaller: files with long comments are missed.
 
@@ -78,13 +80,30 @@ def _triangles(roots: list[Any], collada: Any) -> list[Array]:
             raise ValueError("it has a mesh with bones; export it without them")
         elif isinstance(node, collada.scene.GeometryNode):
             for part in node.geometry.primitives:
-                announced = int(part.xmlnode.get("count", len(part)))
+                announced = _announced(part.xmlnode)
                 if len(part) != announced:
                     raise ValueError(f"it announces {announced} faces of {node.geometry.id}, but has {len(part)}")
-                part = part.triangleset() if isinstance(part, collada.polylist.Polylist) else part
-                if isinstance(part, collada.triangleset.TriangleSet) and part.vertex is not None:  # no lines
-                    corners = part.vertex[part.vertex_index].reshape(-1, 3).astype(float)
-                    if not np.isfinite(corners).all():
+                if part.vertex is not None:
+                    counts = getattr(part, "vcounts", np.full(len(part), 3))
+                    corners = part.vertex_index.ravel()
+                    if counts.sum() != len(corners):
+                        raise ValueError(f"polygons of {node.geometry.id} are incomplete")
+                    points = part.vertex.astype(float)
+                    triangles = points[triangulated(points, corners, counts)].reshape(-1, 3)
+                    if not np.isfinite(triangles).all():
                         raise ValueError(f"vertices of {node.geometry.id} are not finite")
-                    found.append(corners @ pose[:3, :3].T + pose[:3, 3])
+                    found.append(triangles @ pose[:3, :3].T + pose[:3, 3])
     return found
+
+
+def _announced(part: Any) -> int:
+    """Return the number of faces of an element with faces; strips and fans announce how many they are themselves."""
+    tags = [child.tag.rpartition("}")[2] for child in part]
+    announced = int(part.get("count", tags.count("p")))
+    if part.tag.rpartition("}")[2] not in ("tristrips", "trifans"):
+        return announced
+    strips = [child.text or "" for child, tag in zip(part, tags) if tag == "p"]
+    if len(strips) != announced:
+        raise ValueError(f"it announces {announced} strips or fans, but has {len(strips)}")
+    width = 1 + max(int(child.get("offset", 0)) for child, tag in zip(part, tags) if tag == "input")
+    return sum(len(strip.split()) // width - 2 for strip in strips)

@@ -13,7 +13,7 @@ from ...common.warnings import Warning
 from ..components import components
 from .outliers import without_outliers
 from .shells import is_outer, shells, without_doubled
-from .triangle_mesh import TriangleMesh, weld
+from .triangle_mesh import TriangleMesh, weld, without_gaps
 
 # [1] height of a face to the mesh size below which its normal is only rounding. Larger: more faces are reported as
 # flat.
@@ -144,7 +144,7 @@ def _finding(code: str, message: str, affects_fit: bool = False, advice: str = "
 
 def diagnose(vertices: Any, faces: Any) -> Diagnosis:
     """Diagnose a mesh as it was read, before equal vertices are merged and useless faces are removed."""
-    mesh = weld(vertices, faces)
+    mesh = without_gaps(weld(vertices, faces))
     half, face, numbers, edge, faces_at = _edges(mesh)
     edges = np.column_stack(np.divmod(numbers, len(mesh.vertices)))
     on_rim = faces_at[edge] == 1

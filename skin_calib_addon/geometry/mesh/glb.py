@@ -14,6 +14,7 @@ MAGIC = b"glTF"  # first bytes. Format
 HEADER = struct.Struct("<4sIIII")  # those, version, bytes of the file, bytes and kind of its first part, JSON. Format
 # Extensions of the appearance only; a file may require them. Others may compress or change the shape.
 APPEARANCE = ("KHR_materials_", "KHR_texture_", "EXT_texture_")
+TRIANGLES, STRIP = 4, 5  # modes of primitives with triangles. Format
 FAN = 6  # mode of primitives that trimesh leaves out. Format
 
 
@@ -29,12 +30,33 @@ def read_glb(path: str | Path) -> tuple[Array, IntArray]:
     _, _, size, length, _ = HEADER.unpack_from(content)
     if size > len(content):
         raise ValueError(f"it is truncated: its header announces {size} bytes, but it has {len(content)}")
-    refuse_other_shapes(json.loads(content[HEADER.size : HEADER.size + length]))
+    document = json.loads(content[HEADER.size : HEADER.size + length])
+    refuse_other_shapes(document)
     import trimesh  # it takes longer than reading
 
     # Without a resolver trimesh finds no other file.
     raw: Any = trimesh.load(io.BytesIO(content), file_type="glb", process=False, force="mesh", skip_materials=True)
-    return np.asarray(raw.vertices, float), np.asarray(raw.faces)
+    faces = np.asarray(raw.faces)
+    if len(faces) != (announced := face_count(document)):
+        raise ValueError(f"it announces {announced} faces, but {len(faces)} were found")
+    return np.asarray(raw.vertices, float), faces
+
+
+def face_count(document: dict[str, Any]) -> int:
+    """Return the number of triangles of the meshes at all nodes of the scene."""
+    counts = {TRIANGLES: lambda corners: corners // 3, STRIP: lambda corners: max(corners - 2, 0)}
+    sizes = [
+        sum(
+            counts[mode](document["accessors"][part.get("indices", part["attributes"]["POSITION"])]["count"])
+            for part in mesh["primitives"]
+            if (mode := part.get("mode", TRIANGLES)) in counts
+        )
+        for mesh in document.get("meshes", ())
+    ]
+    nodes = list(document["scenes"][document.get("scene", 0)].get("nodes", ()))
+    for node in nodes:  # grows
+        nodes += [child for child in document["nodes"][node].get("children", ()) if child not in nodes]
+    return sum(sizes[document["nodes"][node]["mesh"]] for node in nodes if "mesh" in document["nodes"][node])
 
 
 def refuse_other_shapes(document: dict[str, Any]) -> None:
@@ -42,6 +64,8 @@ def refuse_other_shapes(document: dict[str, Any]) -> None:
     for name in document.get("extensionsRequired", ()):
         if not str(name).startswith(APPEARANCE):
             raise ValueError(f"it needs the extension {name}; export it without compression")
+    if not document.get("scenes"):
+        raise ValueError("it has no scene")
     if document.get("skins"):
         raise ValueError("it has a mesh with bones; export it without them")
     meshes = document.get("meshes", ())

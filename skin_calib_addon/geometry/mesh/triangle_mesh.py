@@ -2,8 +2,7 @@
 
 import hashlib
 import os
-import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,14 +18,24 @@ from ...common.errors import InvalidMesh
 from ...common.interruptions import interruptions_deferred
 from ..components import components
 from .dae import read_dae
+from .gaps import closed
 from .glb import read_glb
-from .triangle_files import read_triangles
+from .obj import read_obj
+from .off import read_off
+from .ply import read_ply
+from .polygons import check_indices
+from .stl import read_stl
 
-FORMATS = ("stl", "ply", "obj", "off", "dae", "glb")
-METRES_PER_UNIT = {"m": 1.0, "mm": 1e-3}
-# Regular expressions for the number of faces that the header of a file announces.
-FACE_COUNTS = {"ply": rb"\nelement\s+face\s+(\d+)", "off": rb"OFF\s+(?:#[^\n]*\n\s*)*\d+\s+(\d+)"}
-STL_FACE_BYTES = 50  # Format: bytes of one face in a binary STL file, after a header of 84 with their number
+READERS: dict[str, Callable[[Path], tuple[Array, IntArray]]] = {
+    "stl": read_stl,
+    "ply": read_ply,
+    "obj": read_obj,
+    "off": read_off,
+    "dae": read_dae,
+    "glb": read_glb,
+}
+FORMATS = tuple(READERS)
+METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 ROUND_SIDES = 64  # faces around a cylinder, sphere or capsule: it deviates by 0.1 % of its radius. Larger: slower
 MIN_MESH_SIZE = 2e-3  # [m] least size of the mesh of a link; below, the unit is wrong. Smaller: wrong units pass
 MAX_MESH_SIZE = 5.0  # [m] largest size of the mesh of a link; above, the unit is wrong. Larger: wrong units pass
@@ -179,11 +188,7 @@ def weld(vertices: Any, faces: Any) -> TriangleMesh:
     faces = np.asarray(faces, np.int64).reshape(-1, 3)
     if len(faces) == 0:
         raise InvalidMesh("The mesh has no faces. It must be a surface of triangles.")
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        wrong = faces.min() if faces.min() < 0 else faces.max()
-        raise InvalidMesh(
-            f"A face refers to vertex {wrong}, but the mesh has {len(vertices)} vertices. Export it again."
-        )
+    check_indices(faces, len(vertices))
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
         raise InvalidMesh(
@@ -221,6 +226,15 @@ def at_rims(faces: IntArray, count: int) -> BoolArray:
     return found
 
 
+def without_gaps(mesh: TriangleMesh) -> TriangleMesh:
+    """Return a mesh without gaps of rounding between adjacent faces; the same if it has none, or would lose faces."""
+    vertices = closed(mesh.vertices, mesh.faces, at_rims(mesh.faces, len(mesh.vertices)))
+    if vertices is mesh.vertices:
+        return mesh
+    result = weld(vertices, mesh.faces)
+    return result if len(result.faces) == len(mesh.faces) else mesh
+
+
 def joined(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
     """Return several meshes as one."""
     return weld(*stacked([(mesh.vertices, mesh.faces) for mesh in meshes]))
@@ -240,7 +254,7 @@ def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
     ----------
     path : path
         An STL, PLY, OBJ, OFF, DAE or GLB file.
-    unit : "m" or "mm"
+    unit : "m", "cm", "mm" or "in"
         Unit of the numbers in the file.
 
     Returns
@@ -286,47 +300,17 @@ def read_mesh(path: str | Path) -> TriangleMesh:
         raise InvalidMesh(f"{path.name} is empty. Check that it was written completely.", path=str(path))
     try:
         with interruptions_deferred():  # trimesh catches them, and would go on with a part of the mesh
-            if kind == "dae":
-                vertices, faces = read_dae(path)
-            elif kind == "glb":
-                vertices, faces = read_glb(path)
-            elif plain := read_triangles(path, kind):
-                vertices, faces = plain
-            else:
-                import trimesh  # it takes longer than reading
-
-                # As a real path: trimesh removes "link/..", which is wrong if "link" is a symbolic link.
-                raw: Any = trimesh.load(os.path.realpath(path), file_type=kind, process=False, force="mesh")
-                vertices, faces = np.asarray(raw.vertices, float), np.asarray(raw.faces)
-        if vertices.ndim != 2 or vertices.shape[1] != 3:
-            raise ValueError(f"its vertices have {vertices.shape[-1]} coordinates instead of 3")
+            vertices, faces = READERS[kind](path)
     except ModuleNotFoundError:  # the command line states what to install
         raise
     except ImportError as error:
         raise InvalidMesh(f"{path.name} cannot be read: {error}", path=str(path)) from error
-    except Exception as error:  # the readers of trimesh raise many types of exceptions for broken files
+    except Exception as error:  # libraries raise many types of exceptions for broken files
         raise InvalidMesh(f"{path.name} is not a valid {kind.upper()} file: {error}", path=str(path)) from error
-    check_face_count(path, kind, len(faces))
     try:
-        return weld(vertices, faces)
+        return without_gaps(weld(vertices, faces))
     except InvalidMesh as error:
         raise InvalidMesh(f"{path.name}: {error}", **error.numbers) from error
-
-
-def check_face_count(path: Path, kind: str, faces: int) -> None:
-    """Check that a file whose header has the number of faces is not truncated; the readers do not report this."""
-    with open(path, "rb") as file:
-        start = file.read(2**16)
-    announced = 0
-    if kind in FACE_COUNTS and (found := re.search(FACE_COUNTS[kind], start)):
-        announced = int(found[1])
-    elif kind == "stl" and 0 in start[80:84]:  # binary: text has no zero bytes
-        announced, faces = int.from_bytes(start[80:84], "little"), (os.path.getsize(path) - 84) // STL_FACE_BYTES
-    if faces < announced:
-        raise InvalidMesh(
-            f"{path.name} is truncated: its header announces {announced} faces, but {faces} were found. "
-            "Export it again."
-        )
 
 
 def save_mesh(mesh: TriangleMesh, path: str | Path) -> None:
@@ -345,6 +329,9 @@ def check_size(mesh: TriangleMesh, unit: str, name: str) -> None:
     """Check that the size of a mesh fits its unit."""
     if MIN_MESH_SIZE <= mesh.size <= MAX_MESH_SIZE:
         return
-    other = {"m": "mm", "mm": "m"}[unit] if (mesh.size > MAX_MESH_SIZE) == (unit == "m") else None
-    advice = f'It is probably in {other}: set "unit": "{other}".' if other else "Scale it to its real size."
+    others = {name: mesh.size / METRES_PER_UNIT[unit] * metre for name, metre in METRES_PER_UNIT.items()}
+    possible = [f'"{n}" ({d * 1e3:.4g} mm)' for n, d in others.items() if MIN_MESH_SIZE <= d <= MAX_MESH_SIZE]
+    advice = (
+        f'Set "unit" to that of its numbers: {" or ".join(possible)}.' if possible else "Scale it to its real size."
+    )
     raise InvalidMesh(f'{name} has a diameter of {mesh.size:.4g} m when read in "{unit}". {advice}', size=mesh.size)

@@ -1,10 +1,7 @@
 """The probable unit of the numbers of a mesh, from their size."""
 
-from .triangle_mesh import METRES_PER_UNIT
-
 MIN_LINK_LENGTH = 5e-3  # [m] least longest side of a link with skin, a fingertip. Smaller: more units are plausible
 MAX_LINK_LENGTH = 3.0  # [m] largest longest side of a link with skin, a crane. Larger: more units are plausible
-UNITS = METRES_PER_UNIT | {"cm": 1e-2, "in": 0.0254}
 UNIT_NAMES = {"m": "metres", "cm": "centimetres", "mm": "millimetres", "in": "inches"}
 
 
@@ -18,13 +15,10 @@ def likely_unit(side: float) -> str:
     return "m" if side <= MAX_LINK_LENGTH else "mm"
 
 
-def likely_mistake(side: float) -> tuple[str, float] | None:
-    """Return the unit that was probably mistaken for a link of this longest side [m], and the factor to correct it.
+def possible_units(side: float) -> dict[str, float]:
+    """Return the units that a mesh may have whose longest side [m] no link has, each with the factor that corrects it.
 
-    A link that is too large may be in millimetres or centimetres, read as metres. A link that is too small may be in
-    metres, read as millimetres.
+    A mesh that is too large was read as metres. One that is too small may be in metres, read as millimetres.
     """
-    if is_plausible(side):
-        return None
-    others = {"mm": UNITS["mm"], "cm": UNITS["cm"]} if side > MAX_LINK_LENGTH else {"m": 1 / UNITS["mm"]}
-    return next(((unit, factor) for unit, factor in others.items() if is_plausible(side * factor)), ("", 1.0))
+    factors = {"cm": 1e-2, "mm": 1e-3, "in": 0.0254} if side > MAX_LINK_LENGTH else {"m": 1e3}
+    return {unit: factor for unit, factor in factors.items() if is_plausible(side * factor)}

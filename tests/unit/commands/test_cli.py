@@ -17,6 +17,7 @@ from skin_calib_addon.common.warnings import Warning
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
 from skin_calib_addon.pictures import calibration as calibration_picture
 from skin_calib_addon.plan import load_plan
+from skin_calib_addon.robot.link_mesh import load_plan_mesh
 from tests.examples import slow
 from tests.samples import cylinder as surface_tube
 from tests.samples import plane, small_calibration
@@ -157,7 +158,7 @@ def test_fit_takes_many_plans_into_a_folder(folder, jobs, capsys):
 
 
 BAD_PLANS = {  # of each stage one
-    "metres as millimetres": ({"unit": "mm"}, 'set "unit": "m"'),
+    "metres as millimetres": ({"unit": "mm"}, 'Set "unit" to that of its numbers: "m" (122.1 mm)'),
     "plane misses": (
         {"grid": planes([0.01, 0.03, 0.05, 0.07, 0.3])},
         "u-plane 4, through (0.0, 0.0, 300.0) mm, does not intersect",
@@ -228,6 +229,16 @@ def test_one_plan_of_a_folder_gets_a_folder(folder):
     assert [path.name for path in (folder / "reports").iterdir()] == ["tube.report.json"]
     assert main(["fit", str(plan), "-o", f"{folder / 'again'}/"]) == 0
     assert (folder / "again/tube.calibration.json").is_file()
+
+
+def test_propose_reads_centimetres(tmp_path):
+    """The plan keeps the unit of the mesh; its mesh has the size of the tube in metres."""
+    tube = cylinder(around=24, along=8)
+    save_mesh(TriangleMesh(tube.vertices * 100, tube.faces), tmp_path / "tube.ply")
+    words = ["--unit", "cm", "--skin", "sheet:2x3x10mm", "-o", str(tmp_path)]
+    assert main(["propose", str(tmp_path / "tube.ply"), *words]) == 0
+    plan = load_plan(tmp_path / "tube.plan.json")
+    assert plan.unit == "cm" and load_plan_mesh(plan).size == pytest.approx(tube.size)
 
 
 @pytest.mark.parametrize("option", ["--only", "--except", "--skin", "--unit"])
@@ -343,12 +354,12 @@ def test_missing_package_of_authors_is_one_line(fitted):
     assert without_scipy("fit", fitted / "tube.plan.json", "-o", fitted) == (1, "", words)
 
 
-@pytest.mark.parametrize("module, kind, package", [("trimesh", "obj", "trimesh"), ("collada", "dae", "pycollada"),
+@pytest.mark.parametrize("module, kind, package", [("trimesh", "glb", "trimesh"), ("collada", "dae", "pycollada"),
                                                    ("igl", "ply", "libigl")])  # fmt: skip
 def test_missing_package_of_a_mesh_is_one_line(folder, capsys, monkeypatch, module, kind, package):
     """The readers of single formats, and distances, import their packages late."""
     if kind != "ply":
-        (folder / f"tube.{kind}").write_text("v 0 0 0\n")
+        pytest.importorskip("trimesh").creation.box().export(folder / f"tube.{kind}")
     monkeypatch.setitem(sys.modules, module, None)
     plan = write_plan(folder, mesh=f"tube.{kind}")
     assert main(["fit", str(plan), "-o", str(folder / "out.json")]) == 1

@@ -246,7 +246,7 @@ def test_planes_are_kept_in_their_order():
         ("/version", 3, "/version", "newer than version 2 of this program"),
         ("/link", "", "/link", "must match"),
         ("/mesh", ..., "", 'lacks the member "mesh"'),
-        ("/unit", "cm", "/unit", 'must be one of "m", "mm", not "cm"'),
+        ("/unit", "km", "/unit", 'must be one of "m", "mm", "cm", "in", not "km"'),
         ("/cover/cuts/0/point/2", 1e300, "/cover/cuts/0/point/2", "must be at most 1000000"),
         ("/grid", {"kind": "tub", "n": 4}, "/grid/kind", 'did you mean "tube"'),
         ("/grid/n", 0, "/grid/n", "must be at least 1, not 0"),

@@ -1,5 +1,7 @@
 """Meshes of the links of a URDF: find files, scale, rotate, mirror and join them."""
 
+from urllib.parse import quote
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -162,3 +164,72 @@ def test_link_that_cannot_be_loaded_is_refused(package, case):
     shapes, link, kind, message = BAD[case]
     with pytest.raises(kind, match=message):
         loaded(package(*shapes), link)
+
+
+@pytest.mark.parametrize("name", ["fore arm.ply", "fore%20arm.ply", "Glied ä.ply"])
+@pytest.mark.parametrize("form", ["package://my%20bot/{}", "file://{root}/my%20bot/{}", "../my%20bot/{}"])
+def test_escaped_addresses_are_found(tmp_path, name, form):
+    """Blanks and other characters; a file whose name looks like an escaped one, too."""
+    (tmp_path / "urdf").mkdir()
+    (tmp_path / "my bot").mkdir()
+    save_mesh(PIN, tmp_path / "my bot" / name)
+    address = form.format(quote(name), root=quote(str(tmp_path)))
+    assert find_file(address, tmp_path / "urdf" / "bot.urdf").samefile(tmp_path / "my bot" / name)
+    urdf = tmp_path / "urdf" / "bot.urdf"
+    urdf.write_text(f'<robot name="bot"><link name="arm">{shape(address)}</link></robot>')
+    assert same_mesh(loaded(urdf), PIN) and read_robot(urdf).links["arm"][0].file == name
+
+
+PART = "<visual>{}<geometry>{}</geometry></visual>"
+MESH = '<mesh filename="pin.ply"/>'
+QUATERNION = 'the attribute "quat_xyzw" of origin, which is not supported; use xyz, rpy'
+UNKNOWN = {
+    "quaternion": (PART.format('<origin xyz="0 0 0" quat_xyzw="0 0.7 0 0.7"/>', MESH), QUATERNION),
+    "quaternion of an inertia": ('<inertial><origin quat_xyzw="0 0 0 1"/><mass value="1"/></inertial>', QUATERNION),
+    "degrees": (
+        PART.format('<origin xyz="0 0 0" rpy_degrees="0 90 0"/>', MESH),
+        'the attribute "rpy_degrees" of origin',
+    ),
+    "two origins": (
+        PART.format('<origin xyz="0 0 0"/><origin xyz="1 0 0"/>', MESH),
+        "two elements origin in one visual",
+    ),
+    "unit": (PART.format("", '<mesh filename="pin.ply" unit="mm"/>'), 'the attribute "unit" of mesh'),
+    "nested scale": (PART.format("", '<mesh filename="pin.ply"><scale>2</scale></mesh>'), '"scale" in mesh'),
+    "shape": (
+        PART.format("", '<ellipsoid size="1 1 1"/>'),
+        '"ellipsoid" in geometry, which is not supported; write mesh',
+    ),
+    "side": (PART.format("", '<box size="1 1 1" radius="0.1"/>'), 'the attribute "radius" of box'),
+    "no geometry": (f"<visual>{MESH}</visual>", '"mesh" in visual, which is not supported'),
+    "no visual": (f"<geometry>{MESH}</geometry>", '"mesh" in geometry, which is not supported'),
+}
+
+
+@pytest.mark.parametrize("case", UNKNOWN)
+def test_what_could_change_a_shape_and_is_not_known_is_refused(package, case):
+    """With its line, instead of a shape in another place."""
+    content, message = UNKNOWN[case]
+    with pytest.raises(CalibrationFormatError, match=f"line 1 has {message}"):
+        read_robot(package(content))
+
+
+def test_quaternion_of_a_joint_is_refused(tmp_path):
+    (tmp_path / "bot.urdf").write_text(
+        '<robot name="bot"><link name="a"/><link name="b"/><joint name="j" type="fixed"><parent link="a"/>'
+        '<child link="b"/><origin quat_xyzw="0 0 1 0"/></joint></robot>'
+    )
+    with pytest.raises(CalibrationFormatError, match=QUATERNION):
+        read_robot(tmp_path / "bot.urdf")
+
+
+def test_what_changes_no_shape_is_not_refused(package):
+    """Materials, properties of simulators, other elements with an origin, names of shapes, and an empty geometry."""
+    more = '<material name="red"/><verbose value="x"/>'
+    urdf = package(
+        f'<visual name="v">{more}<geometry><mesh name="m" filename="package://bot/meshes/pin.ply">'
+        "<drake:declare_convex/></mesh></geometry></visual><visual><geometry/></visual>",
+        '<sensor><origin quat_xyzw="0 0 0 1"/></sensor><collision><geometry><capsule radius="1" length="1"/></geometry>'
+        "<max_contacts>10</max_contacts></collision>",
+    )
+    assert same_mesh(loaded(urdf), PIN)

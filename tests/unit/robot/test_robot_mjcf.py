@@ -29,6 +29,10 @@ JOINT = (
 MM = "0.001 -0.001 0.001"
 
 
+INERTIA = '<inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/>'
+INERTIAL = f'<inertial><mass value="0.5"/>{INERTIA}</inertial>'
+
+
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory):
     """A robot whose arm is a mirrored tube, and whose hand is a DAE file, with a skin on each; fitted into ``out``."""
@@ -42,8 +46,8 @@ def fitted(tmp_path_factory):
     trimesh.Trimesh(tube.vertices, tube.faces, process=False).export(tmp_path / "bot" / "meshes" / "hand.dae")
     save_mesh(box((0, 0, 0), (0.04, 0.03, 0.02)), tmp_path / "bot" / "meshes" / "base.ply")
     tube = "package://bot/meshes/tube.stl"
-    arm = shape(tube, scale=MM) + shape(tube, "collision", scale=MM)
-    hand = shape("meshes/hand.dae") + shape("meshes/hand.dae", "collision")
+    arm = INERTIAL + shape(tube, scale=MM) + shape(tube, "collision", scale=MM)
+    hand = INERTIAL + shape("meshes/hand.dae") + shape("meshes/hand.dae", "collision")
     base = shape("meshes/base.ply", origin='xyz="0.3 0 0"') + shape("meshes/base.ply", scale="2 2 2")
     links = "".join(f'<link name="{k}">{v}</link>' for k, v in (("base", base), ("arm", arm), ("hand", hand)))
     joints = JOINT.format("a", "base", "arm", "0.2 0 0.1") + JOINT.format("b", "arm", "hand", "0 0 0.3")
@@ -284,7 +288,7 @@ def test_mesh_in_millimetres_is_left_out(robot, capsys):
 def test_shape_that_is_fixed_to_a_link_is_not_that_of_the_link(robot, capsys):
     """A lid over the arm: presses there are felt by the lid, and a line states how many taxels it covers."""
     urdf = robot / "bot" / "bot.urdf"
-    lid = '<link name="lid"><collision><geometry><box size="0.2 0.2 0.02"/></geometry></collision></link>'
+    lid = f'<link name="lid">{INERTIAL}<collision><geometry><box size="0.2 0.2 0.02"/></geometry></collision></link>'
     joint = '<joint name="l" type="fixed"><parent link="arm"/><child link="lid"/><origin xyz="0 0 0.05"/></joint>'
     edit(urdf, "</robot>", f"{lid}{joint}</robot>")
     code, out, err = export(robot, capsys)
@@ -360,6 +364,26 @@ def test_impossible_inertia_is_stated(robot, capsys):
     assert out.splitlines()[-1] == "no rigid body has the inertia that the URDF states; MuJoCo changed it: hand"
 
 
+NO_MASS = "the URDF does not state the mass and inertia of moving links, or of links that are fixed to them; MuJoCo"
+
+
+@pytest.mark.parametrize(
+    ("inertial", "assumed"),
+    [
+        ("", "assumed hand (21.9 kg)."),
+        (INERTIAL.replace("0.5", "0"), "assumed hand (1e-06 kg)."),
+        (INERTIAL.replace("0.5", "0").replace("1e-3", "0"), "assumed hand (1e-06 kg)."),
+        (INERTIAL.replace("1e-3", "0"), "assumed hand (0.5 kg)."),
+        (INERTIAL, ""),
+    ],
+)
+def test_assumed_mass_of_a_moving_link_is_stated(robot, capsys, inertial, assumed):
+    """No mass, none that is positive, no inertia, and a mass of the shapes; but not a mass that the URDF states."""
+    edit(robot / "bot" / "bot.urdf", f'<link name="hand">{INERTIAL}', f'<link name="hand">{inertial}')
+    code, out, err = export(robot, capsys)
+    assert code == 0 and err == [] and (NO_MASS in out) == bool(assumed) and assumed in out
+
+
 def test_inertia_without_numbers_is_one_line(robot, capsys):
     """MuJoCo refuses it."""
     of_hand(robot, np.diag((1e-3, 1e-3, 1e-3)))
@@ -375,7 +399,7 @@ def of_hand(robot, inertia):
     numbers = zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), (*np.diag(inertia), *inertia[np.triu_indices(3, 1)]))
     words = " ".join(f'{name}="{value!r}"' for name, value in ((k, float(v)) for k, v in numbers))
     inertial = f'<inertial><mass value="0.04"/><inertia {words}/></inertial>'
-    edit(urdf, '<link name="hand">', f'<link name="hand">{inertial}')
+    edit(urdf, f'<link name="hand">{INERTIAL}', f'<link name="hand">{inertial}')
 
 
 @pytest.mark.parametrize("words", [("--to", "csv"), ("--patch", "s")])

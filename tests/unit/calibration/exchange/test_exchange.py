@@ -405,6 +405,13 @@ def test_taxels_of_tactile_sensors_are_read(read):
         (robot_text(PLACES), ('<child link="skin_3"/>', ""), "missing", "starts an element joint without child"),
         (robot_text({}), ("", ""), "no-taxels", "has no tactile sensor and no frame fixed to a link"),
         (SENSOR, ("<taxel", '<array rows="2" cols="2"/><taxel'), "array", "starts an array, which is not supported"),
+        (
+            robot_text(PLACES),
+            ('rpy="0 0 0"', 'quat_xyzw="0 0 0 1"'),
+            "unknown-attribute",
+            'attribute "quat_xyzw" of origin',
+        ),
+        (SENSOR, ('rpy="0 1.57', 'quat="0 1.57'), "unknown-attribute", 'attribute "quat" of taxel'),
         (SENSOR, ('idx="4"', 'idx="2"'), "duplicate-channel", "repeats the channel 2 of line 4"),
     ],
 )

@@ -17,6 +17,7 @@ GEOMETRY = """<geometry id="{name}"><mesh>
 </accessor></technique_common></source>
 <vertices id="{name}-v"><input semantic="POSITION" source="#{name}-p"/></vertices>
 {faces}</mesh></geometry>"""
+POINT = '<input semantic="VERTEX" source="#{name}-v" offset="0"/>'
 TRIANGLES = '<triangles count="4"><input semantic="VERTEX" source="#{name}-v" offset="0"/><p>{p}</p></triangles>'
 FILE = """<?xml version="1.0"?>{before}
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
@@ -87,6 +88,27 @@ def test_polygons_are_split(tmp_path):
     assert len(mesh.faces) == 2 and mesh.face_areas.sum() == 1
 
 
+QUAD = "0 0 0 1 0 0 1 1 0 0 1 0"
+DART = "0 0 0 2 1 0 0 2 0 1 1 0"
+PARTS = {
+    "strip": (QUAD, f'<tristrips count="1">{POINT}<p>0 1 3 2</p></tristrips>', 2, 1),
+    "strips": (QUAD, f'<tristrips count="2">{POINT}<p>0 1 3</p><p>3 1 2</p></tristrips>', 2, 1),
+    "fan": (QUAD, f'<trifans count="1">{POINT}<p>0 1 2 3</p></trifans>', 2, 1),
+    "polygons": (QUAD, f'<polygons count="2">{POINT}<p>0 1 2</p><p>2 3 0</p></polygons>', 2, 1),
+    "concave": (DART, f'<polylist count="1">{POINT}<vcount>4</vcount><p>0 1 2 3</p></polylist>', 2, 1),
+    "outline": (QUAD, TRIANGLES.replace("4", "1") + f'<linestrips count="1">{POINT}<p>0 1 2</p></linestrips>', 1, 0.5),
+}
+
+
+@pytest.mark.parametrize("case", PARTS)
+def test_each_kind_of_faces(tmp_path, case):
+    """All faces, each with its normal upwards."""
+    points, part, faces, area = PARTS[case]
+    mesh = read_mesh(written(tmp_path, geometries=geometry(points=points, faces=part, p="0 1 2")))
+    assert len(mesh.faces) == faces and mesh.face_areas.sum() == pytest.approx(area)
+    assert (mesh.face_normals[:, 2] == 1).all()
+
+
 def test_defects_without_an_effect_on_the_shape_do_not_matter(tmp_path):
     """Materials, lights and images that are missing or damaged."""
     other = "<library_effects><effect/></library_effects><library_images><image/></library_images>"
@@ -112,6 +134,14 @@ BAD = {
     "fewer points": ({"geometries": geometry(points=POINTS[:-6])}, ""),
     "index": ({"geometries": geometry(p=FACES.replace("3", "9"))}, ""),
     "fewer faces": ({"geometries": geometry(p=FACES[:-6])}, "it announces 4 faces of a, but has 3"),
+    "fewer strips": (
+        {"geometries": geometry(faces=f'<tristrips count="2">{POINT}<p>0 1 2 3</p></tristrips>')},
+        "it announces 2 strips or fans, but has 1",
+    ),
+    "polygon": (
+        {"geometries": geometry(faces=f'<polylist count="1">{POINT}<vcount>4</vcount><p>0 1 2</p></polylist>')},
+        "polygons of a are incomplete",
+    ),
     "no geometry": ({"geometries": geometry("b")}, "Geometry #a not found"),
     "one of two": ({"geometries": geometry() + geometry("b", points="1 2")}, ""),
     "no face": ({"scene": "<node/>"}, "has no faces"),

@@ -5,6 +5,7 @@ import struct
 
 import numpy as np
 import pytest
+import trimesh
 
 from skin_calib_addon.common.errors import InvalidMesh
 from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, read_mesh
@@ -89,6 +90,7 @@ def test_nodes_place_their_meshes(tmp_path):
         ({"accessors": [{"componentType": FLOATS, "count": 4, "type": "VEC3", "sparse": {}}]}, "sparse accessors"),
         ({"buffers": [{"byteLength": 72, "uri": "other.bin"}]}, "not a valid GLB file"),
         ({"nodes": ()}, "no faces"),
+        ({"scenes": []}, "it has no scene"),
         ({"mode": LINES}, "no faces"),
     ],
 )
@@ -97,6 +99,17 @@ def test_other_shapes_are_refused(tmp_path, changes, message):
     (tmp_path / "other.bin").write_bytes(CORNERS.tobytes() + FACES.tobytes())
     with pytest.raises(InvalidMesh, match=message):
         read_mesh(written(tmp_path, **changes))
+
+
+def test_faces_that_the_library_leaves_out_are_noticed(tmp_path, monkeypatch):
+    """Their number follows from the file alone; a mesh at two nodes counts twice."""
+    path = written(tmp_path, nodes=({"mesh": 0}, {"mesh": 0, "translation": [1, 0, 0]}))
+    whole = trimesh.load(path, force="mesh", process=False)
+    monkeypatch.setattr(
+        trimesh, "load", lambda *_, **__: trimesh.Trimesh(whole.vertices, whole.faces[1:], process=False)
+    )
+    with pytest.raises(InvalidMesh, match="it announces 8 faces, but 7 were found"):
+        read_mesh(path)
 
 
 def test_appearance_is_of_no_matter(tmp_path):

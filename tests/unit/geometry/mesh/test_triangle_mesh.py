@@ -98,22 +98,30 @@ def test_weld_refuses_what_is_no_surface(vertices, faces, message):
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-@pytest.mark.parametrize("unit", ["m", "mm"])
-def test_load_mesh_reads_metres_from_either_unit(tmp_path, kind, unit):
-    """Every format gives the same mesh, whether its numbers are metres or millimetres."""
-    path = write(BLOCK, tmp_path / f"block.{kind}", {"m": 1.0, "mm": 1000.0}[unit])
+@pytest.mark.parametrize(("unit", "scale"), [("m", 1), ("mm", 1000), ("cm", 100), ("in", 1 / 0.0254)])
+def test_load_mesh_reads_metres_from_each_unit(tmp_path, kind, unit, scale):
+    """Every format gives the same mesh, whatever the unit of its numbers."""
+    path = write(BLOCK, tmp_path / f"block.{kind}", scale)
     mesh = load_mesh(path, unit)
     np.testing.assert_allclose(mesh.vertices, BLOCK.vertices, rtol=0, atol=3e-9)  # STL and PLY hold single precision
     assert (mesh.faces == BLOCK.faces).all()
 
 
-@pytest.mark.parametrize(("unit", "scale", "other"), [("m", 1000, "mm"), ("mm", 1, "m")])
+@pytest.mark.parametrize(
+    ("unit", "scale", "other"),
+    [
+        ("m", 1000, r'"cm" \(1146 mm\) or "mm" \(114.6 mm\) or "in" \(2910 mm\)\.'),
+        ("m", 100, r'"cm" \(114.6 mm\) or "mm" \(11.46 mm\) or "in" \(291 mm\)\.'),
+        ("mm", 1, r'"m" \(114.6 mm\) or "in" \(2.91 mm\)\.'),
+    ],
+)
 def test_load_mesh_refuses_the_wrong_unit(tmp_path, unit, scale, other):
-    """Millimetres taken for metres, and metres for millimetres: the message names the size and the unit to set."""
+    """The message names the size, and that in each unit that is possible: centimetres are not taken for millimetres."""
     path = write(BLOCK, tmp_path / "block.ply", scale)
     size = f"{BLOCK.size * scale * {'m': 1, 'mm': 1e-3}[unit]:.4g} m"
     with pytest.raises(
-        InvalidMesh, match=f'block.ply has a diameter of {size} when read in "{unit}". .*set "unit": "{other}"'
+        InvalidMesh,
+        match=f'block.ply has a diameter of {size} when read in "{unit}". Set "unit" to that of its numbers: {other}',
     ):
         load_mesh(path, unit)
 
@@ -190,7 +198,7 @@ def test_read_mesh_refuses_vertices_of_two_numbers(tmp_path):
     """OBJ files of drawings have them."""
     path = tmp_path / "flat.obj"
     path.write_text("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n")
-    with pytest.raises(InvalidMesh, match=r"flat\.obj is not a valid OBJ file: its vertices have 2 coordinates"):
+    with pytest.raises(InvalidMesh, match=r"flat\.obj is not a valid OBJ file: line 1 is no vertex of three"):
         read_mesh(path)
 
 
