@@ -33,6 +33,9 @@ PEAK_POINTS = 3  # [1] points of a cell, per direction, from edge to edge. Large
 # [distance of samples] from a sample that counts up to which the cells of others are searched, too. Larger: a safer
 # maximum at the border of what counts, more time; smaller: cells at this border are left out.
 BORDER = 2.0
+# [1] ratio of the distance of a vertex, which is an estimate, to the largest of the samples from which on the surface
+# below it is measured. Larger: less time, and a maximum below a corner of facets can be missed.
+FOOT_RATIO = 0.9
 EXACT_VERTICES = 30  # [1] vertices farthest by their estimates whose distance is computed exactly. Larger: more time
 # [1] mean sign of the cosines between the rays and the faces that they hit from which on the winding counts: inner
 # walls, which face the other side, are no cover. Larger: inner walls count on meshes with some wrong faces.
@@ -127,11 +130,11 @@ def mean_to_mesh(mesh: TriangleMesh, surface: BSplineSurface, is_measured: Calla
 
 
 def surface_to_mesh(
-    mesh: TriangleMesh, surface: BSplineSurface, is_measured: Callable[[Array], BoolArray], feet: Array
+    mesh: TriangleMesh, surface: BSplineSurface, is_measured: Callable[[Array], BoolArray], feet: VertexFeet
 ) -> tuple[DistanceStatistics, Array]:
     """Return the distances from a surface to the mesh where it is measured, and the parameters (2,) of the largest.
 
-    ``feet`` (k, 2) are the footpoints of vertices: the distance is often largest below a corner of facets.
+    It is often largest below a vertex, but not larger than the distance of that vertex from the surface.
     """
 
     def distances(face: IntArray, at: Array) -> tuple[Array, Array, BoolArray]:
@@ -143,15 +146,17 @@ def surface_to_mesh(
         return found, slopes, counts
 
     at, width = measured_samples(surface, is_measured)
-    feet = feet[is_measured(feet)]
-    even, at = len(at), np.concatenate((at, feet))
-    width = np.concatenate((width, np.tile(width.max(axis=0), (len(feet), 1))))
     found, slopes, areas = distances_at(mesh, surface, at)
+    even, weights = found, areas * width.prod(axis=1)
+    below = feet.uv[feet.distances > FOOT_RATIO * found.max()]
+    below = below[is_measured(below)]
+    more, more_slopes, _ = distances_at(mesh, surface, below)
+    at, found, slopes = (np.concatenate(pair) for pair in ((at, below), (found, more), (slopes, more_slopes)))
+    width = np.concatenate((width, np.tile(width.max(axis=0), (len(below), 1))))
     best, face, all_count = int(np.argmax(found)), np.zeros(len(at), np.int64), np.ones(len(at), bool)
     samples = found, slopes, all_count
     largest, _, where = largest_around(distances, face, at, width, samples, float(found[best]), all_count)
-    weights = (areas * width.prod(axis=1))[:even]
-    return statistics_of(found[:even], weights, largest), at[best] if where is None else where
+    return statistics_of(even, weights, largest), at[best] if where is None else where
 
 
 def measured_samples(surface: BSplineSurface, is_measured: Callable[[Array], BoolArray]) -> tuple[Array, Array]:

@@ -130,7 +130,7 @@ class SurfaceFit:
     @cached_property
     def _to_mesh(self) -> tuple[DistanceStatistics, Array]:
         """Return the distances from surface to mesh, and the parameters (2,) of the largest."""
-        return surface_to_mesh(self.mesh, self.surface, self.is_measured, self._feet.uv)
+        return surface_to_mesh(self.mesh, self.surface, self.is_measured, self._feet)
 
     @cached_property
     def _feet(self) -> VertexFeet:

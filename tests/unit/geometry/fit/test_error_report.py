@@ -40,7 +40,7 @@ LINKS += ("talos_arm_5_forearm", "hrp4c_r_elbow_p", "talos_arm_5_forearm_collisi
 def errors_of(mesh, surface, known, side=0):
     """Return the errors from mesh to surface and from surface to mesh."""
     feet = VertexFeet.of(mesh, surface)
-    to_mesh, _ = surface_to_mesh(mesh, surface, lambda uv: is_sampled(surface, uv, known), feet.uv)
+    to_mesh, _ = surface_to_mesh(mesh, surface, lambda uv: is_sampled(surface, uv, known), feet)
     return mesh_to_surface(mesh, surface, known, side, feet), to_mesh
 
 
