@@ -95,7 +95,7 @@ def preview_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0) -> Ta
     positions at the centre of each cell. The taxels have no neighbours.
     """
     lattice, inside = sheet.lattice, sheet.inside
-    uv = sheet.uv[np.ix_(*sheet.lines)]
+    uv = sheet.uv[np.ix_(*(np.array(kept, int) for kept in sheet.lines))]
     r = sheet.surface.derivatives(uv.reshape(-1, 2))
     outward = unit(cross(r[1, 0], r[0, 1]))
     nodes = (r[0, 0] + sheet.offset * outward).reshape(*uv.shape[:2], 3)
