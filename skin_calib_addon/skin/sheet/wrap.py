@@ -32,7 +32,7 @@ OUTSIDE_WEIGHT = 1e-3
 # and less exact on doubly curved surfaces.
 MAX_HALVING_MOVE = 5e-5
 # Nodes up to which the distance is halved. Larger: more exact on surfaces with narrow features, and slower there.
-MAX_NODES = 20_000
+MAX_NODES = 10_000
 # Most parts of the distance of two nodes along the longer side of a cell: meshes are nearly square. Larger: more exact
 # for long and narrow cells, and slower.
 MAX_PARTS = 8
@@ -164,7 +164,7 @@ def wrap_sheet(
         net, nodes = grid_net(level, lattice.step, pin), guess.reshape(-1, 2)
         weights: Array = net.stiffness.sum(axis=1)
         if trim:
-            within = on_surface(layer, nodes)[net.meshes].mean(axis=1)
+            within = on_surface(layer, nodes)[net.meshes].any(axis=1)
             weights = net.stiffness @ np.maximum(within, OUTSIDE_WEIGHT)
         tolerance = DRAFT_STEP_TOLERANCE if preview else STEP_TOLERANCE
         return relax(layer, net, nodes, constrain(net, nodes), weights, tolerance).reshape(guess.shape)
