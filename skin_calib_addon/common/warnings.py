@@ -29,6 +29,7 @@ ORDER = (
     "over-hole",
     "oblique",
     "strain",
+    "overhang",
     "board-gap",
     "board-overhang",
     "empty-group",

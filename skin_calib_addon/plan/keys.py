@@ -542,6 +542,16 @@ SHEET = Record(
             "tenth of a cell is an error.",
             default=False,
         ),
+        Key(
+            "max_overhang",
+            length(minimum=0, maximum=1),
+            "Largest length by which a corner of a cell may protrude over an edge of the surface, a hole or the "
+            "boundary; more is an error.",
+            default=None,
+            otherwise="any; more than 1 mm is a warning",
+            first=0.001,
+            switch=Switch("any_overhang", "Any Overhang"),
+        ),
         OFFSET,
         REGISTRATION,
         FIRST_CHANNEL,

@@ -54,6 +54,7 @@ class SheetSkin(OnSurface):
     landmarks: tuple[Landmark, ...] = ()
     trim: bool = False  # whether cells that lie off the surface are left out
     overlap: bool = False  # whether it may overlap itself where it closes around the link
+    max_overhang: float | None = None  # of a corner of a cell over an edge; more is an error [m]; None: any
 
     @property
     def count(self) -> int:

@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.skin.boards.flat_map import flat_map
-from tests.shapes import cone_surface, plane_surface, wrist_surface
+from skin_calib_addon.common.arrays import unit
+from skin_calib_addon.geometry import AcrossGrid, fit_surface
+from skin_calib_addon.skin import SheetLattice, wrap_sheet
+from skin_calib_addon.skin.boards import flat_map as flat_map_module
+from skin_calib_addon.skin.boards.flat_map import _developed, _triangles, flat_map
+from skin_calib_addon.skin.sheet.strain import cell_strain
+from tests.shapes import cone_surface, plane_surface, sheet, wrist_surface
 
 
 def stretches(to_flat, uv):
@@ -55,3 +60,32 @@ def test_inverse_finds_the_parameters():
     middle = start * (0, 1)
     far = to_flat(middle[None]) + 0.01 * (to_flat(middle[None]) - to_flat(middle[None] + (0.01, 0))) / 1e-3
     assert to_flat.inverse(far)[1][0] > 1e-3
+
+
+def test_boards_and_sheets_have_one_map():
+    """In the same outline, a doubly curved plate, both are within 0.08 mm; different energies were 0.16 mm apart."""
+    mesh = sheet(lambda x, y: 0.02 - 6 * ((x - 0.05) ** 2 + (y - 0.04) ** 2) + 30 * (x - 0.05) * (y - 0.04) ** 2)
+    surface = fit_surface(mesh, AcrossGrid(8, 8, (0, 0, 1), (1, 0, 0))).surface
+    placed = wrap_sheet(surface, SheetLattice(14, 16, (0.01, 0.01)), None, (1, 0.3, 0), trim=True)
+    places = (placed.lattice.index[:, ::-1] - (7.5, 6.5)) * 0.01
+    to_flat = flat_map(surface, placed.uv[14, 16], (1, 0.3, 0), None, 0.004, 0.02)
+    apart = np.linalg.norm(to_flat(placed.uv[1::2, 1::2].reshape(-1, 2)) - places, axis=1)[placed.inside]
+    assert apart.mean() < 2e-5 and apart.max() < 8e-5
+    assert len(apart) > 80 and np.abs(cell_strain(placed)[placed.inside]).max() > 0.01
+
+
+def test_development_converges_where_parts_are_joined_loosely():
+    """A gap without a mesh between two parts: ten times the iterations move no node by a micrometre."""
+    x, y = (k.ravel() for k in np.meshgrid(np.linspace(0, 0.3, 31), np.linspace(0, 0.05, 11), indexing="ij"))
+    points = np.column_stack((x, y, 0.01 * np.sin(20 * x) * np.cos(20 * y)))
+    normals = unit(
+        np.column_stack((-0.2 * np.cos(20 * x) * np.cos(20 * y), 0.2 * np.sin(20 * x) * np.sin(20 * y), 1 + 0 * x))
+    )
+    triangles = _triangles(31, 11)
+    weights = np.where(np.abs(x[triangles].mean(axis=1) - 0.15) < 0.02, 1e-3, 1.0)
+    found = [_developed(points, normals, triangles, weights, np.column_stack((x, y)))]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(flat_map_module, "ITERATIONS", 10_000)
+        patch.setattr(flat_map_module, "STEP_TOLERANCE", 1e-10)
+        found.append(_developed(points, normals, triangles, weights, np.column_stack((x, y))))
+    assert np.abs(found[1] - found[0]).max() < 1e-6
