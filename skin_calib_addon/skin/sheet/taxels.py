@@ -9,7 +9,7 @@ import numpy as np
 
 from ...calibration.model import TaxelArray, fan_areas
 from ...common.arrays import Array, BoolArray, cross, tangential, unit
-from ..lattice import CENTRE, CORNERS, EDGES, Offsets, SheetLattice
+from ..lattice import CENTRE, CORNERS, EDGES, ROUNDING, Offsets, SheetLattice
 from ..neighbours import neighbours
 from .between import between, spline_matrix
 from .strain import cell_strain, strain_of
@@ -67,7 +67,8 @@ def sheet_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0, covers:
 def without_overhang(sheet: WrappedSheet, taxels: TaxelArray, covers: Covers | None) -> TaxelArray:
     """Return taxels whose outlines and areas end at the edge of what their cells can cover, with their overhangs.
 
-    A corner beyond the edge moves along the side to the only adjacent corner that is not, or else towards the centre.
+    The edge is straight between the points where it crosses the sides of a cell; areas are exact then. A corner beyond
+    it moves inwards, until the outline has this area.
     """
     lattice = sheet.lattice
 
@@ -103,13 +104,18 @@ def without_overhang(sheet: WrappedSheet, taxels: TaxelArray, covers: Covers | N
         ends.append((edge, is_known))
         lengths.append(np.where(is_known, np.linalg.norm(tip - edge, axis=1), np.inf))
     (before, has_before), (after, has_after), (inner, _) = ends
-    only = (has_before != has_after)[:, None]
-    corners, overhang = taxels.corners_link.copy(), np.zeros(len(taxels.ids))
-    corners[cell, corner] = np.where(only, np.where(has_before[:, None], before, after), inner)
+    here = np.where(has_after[:, None], after, inner)
+    first, last = np.where(has_before[:, None], before, here), np.where(has_after[:, None], after, before)
+    last[~has_before & ~has_after] = inner[~has_before & ~has_after]
+    # The rest of a cell has two corners instead of each one beyond the edge; outlines keep their number of corners.
+    rest, target = np.repeat(taxels.corners_link, 2, axis=1), taxels.corners_link.copy()
+    rest[cell, 2 * corner], rest[cell, 2 * corner + 1], target[cell, corner] = first, last, (first + last) / 2
+    whole, left, least = (fan_areas(taxels.positions_link, k) for k in (taxels.corners_link, rest, target))
+    part = np.clip((whole - left) / np.maximum(whole - least, ROUNDING * whole), 0, 1)[:, None, None]
+    corners, overhang = taxels.corners_link + part * (target - taxels.corners_link), np.zeros(len(taxels.ids))
     np.maximum.at(overhang, cell, np.min(lengths, axis=0))
-    rest = fan_areas(taxels.positions_link, corners) / fan_areas(taxels.positions_link, taxels.corners_link)
     quality = taxels.quality | {"overhang": overhang}
-    return replace(taxels, corners_link=corners, areas=taxels.areas * rest, quality=quality)
+    return replace(taxels, corners_link=corners, areas=taxels.areas * left / whole, quality=quality)
 
 
 def _taxels(
