@@ -72,7 +72,7 @@ def pin_constraints(surface: BSplineSurface, net: Net, uv: Array, along: Array) 
     Geodesics from the pinned node give the target positions of the adjacent nodes of its row, which leaves the pinned
     node in the direction ``along``.
     """
-    pin, adjacent = net.pin, net.beside_pin
+    pin, adjacent = net.pin, net.on_row_of_pin
     r = surface.derivatives(uv[pin])[:, :, 0]
     here, across = r[0, 0], cross(unit(cross(r[1, 0], r[0, 1])), along)
     distances = np.linalg.norm(net.flat[adjacent], axis=1)

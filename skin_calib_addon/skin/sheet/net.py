@@ -51,7 +51,7 @@ class Net:
         return int(np.argmin((self.flat**2).sum(axis=1)))
 
     @cached_property
-    def beside_pin(self) -> IntArray:
+    def on_row_of_pin(self) -> IntArray:
         """Nodes of the row of the pinned one that are paired with it."""
         there = self.pairs[(self.pairs == self.pin).any(axis=1)]
         adjacent = there[there != self.pin]

@@ -91,8 +91,8 @@ def without_overhang(sheet: WrappedSheet, taxels: TaxelArray, covers: Covers | N
     row, lost_corners = np.arange(len(cell)), beyond[cell]
     lengths, ends = [], []
     for step in (-1, 1, 0):  # towards the corner before, the one after, and the centre
-        beside = (corner + step) % outline.shape[1]
-        start, outer = (centre if step == 0 else outline[row, beside]), outline[row, corner]
+        adjacent = (corner + step) % outline.shape[1]
+        start, outer = (centre if step == 0 else outline[row, adjacent]), outline[row, corner]
         low, high = np.zeros((len(cell), 1)), np.ones((len(cell), 1))
         for _ in range(EDGE_HALVINGS):
             middle = (low + high) / 2
@@ -100,7 +100,7 @@ def without_overhang(sheet: WrappedSheet, taxels: TaxelArray, covers: Covers | N
             low, high = np.where(covered, middle, low), np.where(covered, high, middle)
         places = np.concatenate((start + low * (outer - start), outer))
         edge, tip = np.split(sheet.surface.points(places) + sheet.offset * sheet.surface.normals(places), 2)
-        is_known = np.ones(len(cell), bool) if step == 0 else ~lost_corners[row, beside]
+        is_known = np.ones(len(cell), bool) if step == 0 else ~lost_corners[row, adjacent]
         ends.append((edge, is_known))
         lengths.append(np.where(is_known, np.linalg.norm(tip - edge, axis=1), np.inf))
     (before, has_before), (after, has_after), (inner, _) = ends
