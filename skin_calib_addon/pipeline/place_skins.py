@@ -189,9 +189,9 @@ def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int) -> PlacedSkin:
     )
     taxels, pitch = board_taxels(boards, skin.name, first_channel, overhang), skin.lattice.pitch
     columns, rows = (int(k) + 1 for k in np.ptp(boards.cells, axis=0))
-    return PlacedSkin(
-        Patch(skin.name, "hexagons", SURFACE, (columns, rows), (pitch, pitch), taxels, offset=skin.offset)
-    )
+    patch = Patch(skin.name, "hexagons", SURFACE, (columns, rows), (pitch, pitch), taxels, offset=skin.offset)
+    check_overhang(patch, skin.max_overhang)
+    return PlacedSkin(patch)
 
 
 @place_skin.register

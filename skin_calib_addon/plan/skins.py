@@ -38,6 +38,7 @@ class OnSurface:
 
     surface: str | None = None  # name of the surface it is on; None: the first of the plan
     first_channel: int | None = None  # None: after the skin before; channels of a file count from there
+    max_overhang: float | None = None  # of a cell or a board over an edge; more is an error [m]; None: any
     registration: Mounting | None = None  # None: with the usual uncertainty, or that of two landmarks
     taxels: tuple[SingleTaxel, ...] = ()  # those that differ from the others
 
@@ -54,7 +55,6 @@ class SheetSkin(OnSurface):
     landmarks: tuple[Landmark, ...] = ()
     trim: bool = False  # whether cells that lie off the surface are left out
     overlap: bool = False  # whether it may overlap itself where it closes around the link
-    max_overhang: float | None = None  # of a corner of a cell over an edge; more is an error [m]; None: any
 
     @property
     def count(self) -> int:

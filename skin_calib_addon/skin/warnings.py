@@ -6,7 +6,7 @@ import numpy as np
 
 from ..calibration.model import Patch
 from ..common.arrays import Array, IntArray, unit
-from ..common.errors import InvalidPlan, OutsideSurface
+from ..common.errors import InvalidPlan, OutsideSurface, counted
 from ..common.warnings import Place, Warning, point_of
 from ..geometry.mesh.distance import closest
 from ..geometry.mesh.triangle_mesh import TriangleMesh
@@ -18,6 +18,7 @@ STRAIN_LIMIT = 0.05  # relative stretch of a cell of a sheet
 MAX_OVERLAP_FRACTION = 0.1  # overlap of the ends of a sheet in cells; more is an error unless the plan allows it
 OVERLAP_LIMIT = 5e-4  # overlap of the ends of a sheet [m]
 OVERHANG_LIMIT = 1e-3  # overhang of a board or a cell over an edge [m]
+EDGES = "an edge, a hole or the boundary"
 
 BOARD_LIMITS = (
     (
@@ -66,10 +67,12 @@ def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator
         if len(which := _above(overhang, OVERHANG_LIMIT)):
             worst = float(overhang[which[0]])
             message = (
-                f"{len(which)} of {len(overhang)} cells of {patch.name} {overhang_words(OVERHANG_LIMIT)}, the most "
-                f"{ids[which[0]]} by {worst * 1e3:.1f} mm. Their outlines and areas end there."
+                f"{len(which)} of {len(overhang)} cells of {patch.name} protrude over {EDGES} by more than "
+                f"{OVERHANG_LIMIT * 1e3:g} mm, the most {ids[which[0]]} by {worst * 1e3:.1f} mm. Their outlines and "
+                "areas end there."
             )
-            yield cells_warning("overhang", patch, which, message, worst, OVERHANG_ADVICE)
+            advice = "Move the sheet, or use fewer cells there."
+            yield cells_warning("overhang", patch, which, message, worst, advice)
     if closure is not None and closure.overlap > OVERLAP_LIMIT:
         yield Warning(
             "overlap",
@@ -92,22 +95,16 @@ def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator
             yield cells_warning(code, patch, which, message, worst, advice)
 
 
-OVERHANG_ADVICE = "Move the sheet, or use fewer cells there."
-
-
-def overhang_words(limit: float) -> str:
-    """Return the part of a sentence that states what cells with an overhang above a limit [m] do."""
-    return f"protrude over an edge, a hole or the boundary by more than {limit * 1e3:g} mm"
-
-
 def check_overhang(patch: Patch, limit: float | None) -> None:
-    """Check that no cell of a sheet protrudes by more than the limit of its plan [m]."""
+    """Check that no cell or board of a skin protrudes by more than the limit of its plan [m]."""
     overhang = patch.taxels.quality.get("overhang", np.zeros(0))
     if limit is not None and len(which := _above(overhang, limit)):
         worst, first = float(overhang[which[0]]), which[0]
+        cells = "cell" if patch.kind == "sheet" else "board"
         raise OutsideSurface(
-            f"{len(which)} cells of skin {patch.name!r} {overhang_words(limit)}, the most {patch.taxels.ids[first]} by "
-            f"{worst * 1e3:.1f} mm. {OVERHANG_ADVICE[:-1]}, or increase the maximum overhang",
+            f"Overhang of {counted(len(which), cells)} of skin {patch.name!r} over {EDGES} by more than "
+            f"{limit * 1e3:g} mm, the most {patch.taxels.ids[first]} by {worst * 1e3:.1f} mm. Move the skin, use fewer {cells}s there, or "
+            "increase the maximum overhang",
             distance=worst,
             place=Place(point_of(patch.taxels.positions_link[first]), skin=patch.name),
         )

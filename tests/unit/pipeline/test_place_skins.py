@@ -203,18 +203,21 @@ def test_cells_over_a_hole_are_a_warning_and_can_be_an_error(tmp_path):
     surface = Surface(CoverSpec(), AcrossGrid(20, 20, (0, 0, 1), (1, 0, 0)))
     skin = {"name": "s", "kind": "sheet", "rows": 2, "columns": 2, "pitch": [0.01, 0.01], "direction": [1, 0, 0]}
 
-    def warnings(document):
-        plan = Plan("plate", tmp_path / "plate.stl", "m", (surface,), skins_from([skin | document]))
+    def placed(document):
+        plan = Plan("plate", tmp_path / "plate.stl", "m", (surface,), skins_from([document]))
         return calibrate(plan, plate)
 
-    clear = warnings({"origin": [0.01, 0.01, 0]})
+    clear = placed(skin | {"origin": [0.01, 0.01, 0]})
     assert "overhang" not in clear.calibration.patches[0].taxels.quality
-    over = warnings({"origin": [0.024, 0.035, 0]})
+    over = placed(skin | {"origin": [0.024, 0.035, 0]})
     (found,) = (w for w in over.warnings if w.code == "overhang")
     assert "cells of s protrude over an edge, a hole or the boundary by more than 1 mm" in found.message
     taxels = over.calibration.patches[0].taxels
     assert found.where.taxels[0] in found.message and found.value == taxels.quality["overhang"].max() > 1e-3
     assert ((taxels.areas < 0.99e-4) == (taxels.quality["overhang"] > 0)).all()
-    with pytest.raises(OutsideSurface, match=r"cells of skin 's' protrude .* by more than 2 mm, .* maximum overhang"):
-        warnings({"origin": [0.024, 0.035, 0], "max_overhang": 0.002})
-    assert warnings({"origin": [0.01, 0.01, 0], "max_overhang": 0}).taxels == 4
+    with pytest.raises(OutsideSurface, match=r"of 2 cells of skin 's' over .* by more than 2 mm, .* maximum overhang"):
+        placed(skin | {"origin": [0.024, 0.035, 0], "max_overhang": 0.002})
+    assert placed(skin | {"origin": [0.01, 0.01, 0], "max_overhang": 0}).taxels == 4
+    board = {"kind": "hexagons", "side": 0.006, "cells": [[0, 0]], "origin": [0.034, 0.04, 0], "max_overhang": 0.001}
+    with pytest.raises(OutsideSurface, match=r"Overhang of 1 board of skin 's' over .* use fewer boards there"):
+        placed({"name": "s"} | board)
