@@ -103,8 +103,8 @@ def check_overhang(patch: Patch, limit: float | None) -> None:
         cells = "cell" if patch.kind == "sheet" else "board"
         raise OutsideSurface(
             f"Overhang of {counted(len(which), cells)} of skin {patch.name!r} over {EDGES} by more than "
-            f"{limit * 1e3:g} mm, the most {patch.taxels.ids[first]} by {worst * 1e3:.1f} mm. Move the skin, use fewer {cells}s there, or "
-            "increase the maximum overhang",
+            f"{limit * 1e3:g} mm, the most {patch.taxels.ids[first]} by {worst * 1e3:.1f} mm. Move the skin, use fewer "
+            f"{cells}s there, or increase the maximum overhang",
             distance=worst,
             place=Place(point_of(patch.taxels.positions_link[first]), skin=patch.name),
         )
