@@ -98,11 +98,11 @@ def flat_map(
 ) -> FlatMap:
     r"""Develop a surface in the plane (Liu et al., A local/global approach to mesh parameterization, 2008).
 
-    .. math:: \min_{f, R} \sum_t A_t \left(2 |\partial_z f_t - R_t|^2 + |\partial_{\bar z} f_t|^2\right) \quad [m^2]
+    .. math:: \min_{f, R} \sum_t A_t \lVert \nabla f_t - R_t \rVert^2 \quad [m^2]
 
     The triangles t, two for each diagonal, with the area A [m^2], have the lengths of arcs on the surface, and R are
-    rotations; points of the plane are complex numbers. It is the energy of a sheet, see :func:`..sheet.net.grid_net`:
-    small strains cost the same. The minimum is zero on a plane, a cylinder and a cone. On a cylinder an arc is exact:
+    rotations. This is a sheet with Poisson's ratio zero; with 1/3, as sheets have, up to a sixth of the boards of real
+    links no longer fit. The minimum is zero on a plane, a cylinder and a cone. On a cylinder an arc is exact:
 
     .. math:: a^2 = c^2 + h^2\,(q^2 - \sin^2 q) / \sin^4 q \quad [m^2]
 
@@ -202,7 +202,7 @@ def _developed(points: Array, normals: Array, triangles: IntArray, weights: Arra
         csr_array((((by_x + sign * by_y) / 2).ravel(), (np.repeat(row, 3), triangles.ravel())), size)[:, 1:]
         for sign in (-1j, 1j)
     )
-    turn, other = (((d.conj() * (k * area)[:, None]).T.tocsr()) for d, k in ((by_z, 2), (by_conjugate, 1)))
+    turn, other = ((d.conj() * area[:, None]).T.tocsr() for d in (by_z, by_conjugate))
     solve = splu((turn @ by_z + other @ by_conjugate).tocsc()).solve
     flat, lowest = (guess @ (1, 1j))[1:], np.inf
     steps: list[Any] = []
@@ -210,7 +210,7 @@ def _developed(points: Array, normals: Array, triangles: IntArray, weights: Arra
     for _ in range(ITERATIONS):
         rotation = by_z @ flat
         stretch = np.abs(rotation)
-        energy = area @ (2 * (stretch - 1) ** 2 + np.abs(by_conjugate @ flat) ** 2)
+        energy = area @ ((stretch - 1) ** 2 + np.abs(by_conjugate @ flat) ** 2)
         if energy > lowest:
             if not ends:
                 break  # only rounding is left
