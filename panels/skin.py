@@ -24,7 +24,18 @@ from .base import (
 from .rows import draw_keys, draw_value
 
 # Keys of a skin that most skins leave as they are.
-RARE = ("landmarks", "hand", "trim", "overlap", "offset", "registration", "first_channel", "anchor", "taxels")
+RARE = (
+    "landmarks",
+    "hand",
+    "trim",
+    "overlap",
+    "max_overhang",
+    "offset",
+    "registration",
+    "first_channel",
+    "anchor",
+    "taxels",
+)
 
 
 class SkinStep(Step):

@@ -33,6 +33,7 @@ ORDER = (
     "over-hole",
     "oblique",
     "strain",
+    "overhang",
     "board-gap",
     "board-overhang",
     "empty-group",

@@ -28,7 +28,7 @@ from ..skin.sheet.closure import Closure, closure
 from ..skin.sheet.taxels import preview_taxels, sheet_taxels
 from ..skin.sheet.wrap import WrappedSheet, wrap_sheet
 from ..skin.single_taxels import with_single_taxels
-from ..skin.warnings import check_overlap, placement_warnings
+from ..skin.warnings import check_overhang, check_overlap, placement_warnings
 from .taxel_sigma import draft_sigma, with_sigma
 
 
@@ -107,7 +107,7 @@ def draft_skin(skin: Skin, fit: SurfaceFit, first_channel: int, draft: Draft) ->
     near = draft.near.get(skin.name)
     surface = fit.surface if draft.on_facets else fit.error_field.surface
     sheet = sheet_on(skin, fit, surface, near.sheet if near else None, preview=True)
-    taxels = preview_taxels(sheet, skin.name, first_channel)
+    taxels = preview_taxels(sheet, skin.name, first_channel, fit.is_trusted)
     if draft.neighbours:
         found = neighbours(taxels.ids, taxels.positions_link, taxels.normals_link, taxels.corners_link)
         taxels = replace(taxels, neighbours=found)
@@ -147,7 +147,8 @@ def sheet_patch(skin: SheetSkin, taxels: TaxelArray) -> Patch:
 @place_skin.register
 def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int) -> PlacedSkin:
     sheet = sheet_on(skin, fit, fit.error_field.surface)
-    placed = PlacedSkin(sheet_patch(skin, sheet_taxels(sheet, skin.name, first_channel)), sheet)
+    placed = PlacedSkin(sheet_patch(skin, sheet_taxels(sheet, skin.name, first_channel, fit.is_trusted)), sheet)
+    check_overhang(placed.patch, skin.max_overhang)
     if not skin.overlap:
         check_overlap(placed.patch, placed.closure)
     return placed
@@ -189,9 +190,9 @@ def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int) -> PlacedSkin:
     )
     taxels, pitch = board_taxels(boards, skin.name, first_channel, overhang), skin.lattice.pitch
     columns, rows = (int(k) + 1 for k in np.ptp(boards.cells, axis=0))
-    return PlacedSkin(
-        Patch(skin.name, "hexagons", SURFACE, (columns, rows), (pitch, pitch), taxels, offset=skin.offset)
-    )
+    patch = Patch(skin.name, "hexagons", SURFACE, (columns, rows), (pitch, pitch), taxels, offset=skin.offset)
+    check_overhang(patch, skin.max_overhang)
+    return PlacedSkin(patch)
 
 
 @place_skin.register

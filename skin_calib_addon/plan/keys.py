@@ -491,6 +491,16 @@ LANDMARK = Record(
         Key("point", POINT, "Where the centre of the cell lies, in the link frame."),
     ),
 )
+MAX_OVERHANG = Key(
+    "max_overhang",
+    length(minimum=0, maximum=1),
+    "Largest length by which a cell or a board may protrude over an edge of the surface, a hole or the "
+    "boundary; more is an error.",
+    default=None,
+    otherwise="any; more than 1 mm is a warning",
+    first=0.001,
+    switch=Switch("any_overhang", "Any Overhang"),
+)
 SHEET = Record(
     "sheet",
     "Sheet",
@@ -542,6 +552,7 @@ SHEET = Record(
             "tenth of a cell is an error.",
             default=False,
         ),
+        MAX_OVERHANG,
         OFFSET,
         REGISTRATION,
         FIRST_CHANNEL,
@@ -611,6 +622,7 @@ BOARDS = Record(
             default=(),
             labels=("Excluded Zone",),
         ),
+        MAX_OVERHANG,
         OFFSET,
         REGISTRATION,
         FIRST_CHANNEL,

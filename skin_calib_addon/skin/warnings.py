@@ -6,7 +6,7 @@ import numpy as np
 
 from ..calibration.model import Patch
 from ..common.arrays import Array, IntArray, unit
-from ..common.errors import InvalidPlan
+from ..common.errors import InvalidPlan, OutsideSurface, counted
 from ..common.warnings import Place, Warning, point_of
 from ..geometry.mesh.distance import closest
 from ..geometry.mesh.triangle_mesh import TriangleMesh
@@ -17,7 +17,8 @@ from .sheet.closure import Closure
 STRAIN_LIMIT = 0.05  # relative stretch of a cell of a sheet
 MAX_OVERLAP_FRACTION = 0.1  # overlap of the ends of a sheet in cells; more is an error unless the plan allows it
 OVERLAP_LIMIT = 5e-4  # overlap of the ends of a sheet [m]
-OVERHANG_LIMIT = 1e-3  # overhang of a board over an edge [m]
+OVERHANG_LIMIT = 1e-3  # overhang of a board or a cell over an edge [m]
+EDGES = "an edge, a hole or the boundary"
 
 BOARD_LIMITS = (
     (
@@ -62,6 +63,16 @@ def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator
                 f"the most {ids[which[0]]} by {worst:.1%}. The sheet will wrinkle or lift there."
             )
             yield cells_warning("strain", patch, which, message, worst, "Move the sheet, or use a smaller one.")
+        overhang = quality.get("overhang", np.zeros(0))
+        if len(which := _above(overhang, OVERHANG_LIMIT)):
+            worst = float(overhang[which[0]])
+            message = (
+                f"{len(which)} of {len(overhang)} cells of {patch.name} protrude over {EDGES} by more than "
+                f"{OVERHANG_LIMIT * 1e3:g} mm, the most {ids[which[0]]} by {worst * 1e3:.1f} mm. Their outlines and "
+                "areas end there."
+            )
+            advice = "Move the sheet, or use fewer cells there."
+            yield cells_warning("overhang", patch, which, message, worst, advice)
     if closure is not None and closure.overlap > OVERLAP_LIMIT:
         yield Warning(
             "overlap",
@@ -82,6 +93,21 @@ def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator
                 f"{ids[which[0]]} by {worst * 1e3:.1f} mm."
             )
             yield cells_warning(code, patch, which, message, worst, advice)
+
+
+def check_overhang(patch: Patch, limit: float | None) -> None:
+    """Check that no cell or board of a skin protrudes by more than the limit of its plan [m]."""
+    overhang = patch.taxels.quality.get("overhang", np.zeros(0))
+    if limit is not None and len(which := _above(overhang, limit)):
+        worst, first = float(overhang[which[0]]), which[0]
+        cells = "cell" if patch.kind == "sheet" else "board"
+        raise OutsideSurface(
+            f"Overhang of {counted(len(which), cells)} of skin {patch.name!r} over {EDGES} by more than "
+            f"{limit * 1e3:g} mm, the most {patch.taxels.ids[first]} by {worst * 1e3:.1f} mm. Move the skin, use fewer "
+            f"{cells}s there, or increase the maximum overhang",
+            distance=worst,
+            place=Place(point_of(patch.taxels.positions_link[first]), skin=patch.name),
+        )
 
 
 def normal_warnings(patch: Patch, mesh: TriangleMesh) -> Iterator[Warning]:

@@ -69,10 +69,10 @@ def row_axis(surface: BSplineSurface, uv: Array, direction: ArrayLike) -> Array:
 def pin_constraints(surface: BSplineSurface, net: Net, uv: Array, along: Array) -> Constraints:
     """Return constraints that fix the pinned node and the rotation of the net about it.
 
-    Geodesics from the pinned node give the target positions of the adjacent nodes. The x axis of the net leaves the
-    pinned node in the direction ``along``.
+    Geodesics from the pinned node give the target positions of the adjacent nodes of its row, which leaves the pinned
+    node in the direction ``along``.
     """
-    pin, adjacent = net.pin, net.adjacent_to_pin
+    pin, adjacent = net.pin, net.on_row_of_pin
     r = surface.derivatives(uv[pin])[:, :, 0]
     here, across = r[0, 0], cross(unit(cross(r[1, 0], r[0, 1])), along)
     distances = np.linalg.norm(net.flat[adjacent], axis=1)

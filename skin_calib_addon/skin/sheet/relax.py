@@ -25,7 +25,7 @@ def relax(
     net: Net,
     uv: Array,
     constraints: Constraints,
-    weights: Array | None = None,
+    weights: Array,
     tolerance: float = STEP_TOLERANCE,
 ) -> Array:
     r"""Return the parameters of the nodes that minimize the strain of a net (Newton's method with constraints).
@@ -38,7 +38,7 @@ def relax(
     unless it reduces the violation of the constraints. After it, the steps are Gauss-Newton steps.
     """
     system, (start, stop) = equations_of(net), net.pairs.T
-    scale = np.ones(len(net.pairs)) if weights is None else np.sqrt(weights)
+    scale = np.sqrt(weights)
     per_length = (scale / net.lengths)[:, None, None]
     x, best, lowest_energy, violation, use_turn_stiffness = uv, uv, np.inf, 0.0, True
     last_move = net.pitch

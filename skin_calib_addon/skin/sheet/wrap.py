@@ -1,8 +1,8 @@
 """Placement of a sheet on a surface with the least strain: the sheet bends, it does not stretch."""
 
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -21,13 +21,21 @@ from .constraints import Constraints, pin_constraints, row_axis
 from .folds import check_folds, turned_meshes, turned_over
 from .geodesic import unroll
 from .landmarks import Landmark, LandmarkTargets, located
-from .net import Lines, Net, grid_net
+from .net import GridLines, Lines, Net, grid_net
 from .offset import offset_surface
 from .relax import DRAFT_STEP_TOLERANCE, STEP_TOLERANCE, relax
 
 # Weight of the strain beyond the edges of the surface, for a sheet that is trimmed. Larger: the extrapolated surface
 # has more influence on the cells inside.
 OUTSIDE_WEIGHT = 1e-3
+# Movement of a taxel when the distance of the nodes is halved, up to which it is not halved again [m]. Larger: faster,
+# and less exact on doubly curved surfaces.
+MAX_HALVING_MOVE = 5e-5
+# Nodes up to which the distance is halved. Larger: more exact on surfaces with narrow features, and slower there.
+MAX_NODES = 10_000
+# Most parts of the distance of two nodes along the longer side of a cell: meshes are nearly square. Larger: more exact
+# for long and narrow cells, and slower.
+MAX_PARTS = 8
 # Steps of the geodesics of a first guess, in nodes, tried in this order until no cell is turned over. One through every
 # node has no folds; longer ones follow a wavy surface less. More steps: more sheets are placed, more time.
 GUESS_STEPS = (1, 2, 4)
@@ -76,8 +84,9 @@ def wrap_sheet(
 ) -> WrappedSheet:
     """Place a sheet on a surface as isometrically as the surface allows.
 
-    On a developable surface the result is the exact unrolling. On a doubly curved surface it minimizes the sum of the
-    squared strains of all edges and diagonals between the nodes; see :func:`.relax.relax`.
+    On a developable surface the result is the exact unrolling. On a doubly curved surface it has the least strain
+    energy of an elastic sheet with Poisson's ratio 1/3, see :func:`.net.grid_net` and :func:`.relax.relax`. The
+    distance of the nodes is halved until no taxel moves by more than ``MAX_HALVING_MOVE``.
 
     Parameters
     ----------
@@ -126,11 +135,8 @@ def wrap_sheet(
         pin = (1, 1) if origin is not None else (lattice.rows, lattice.columns)
     start = None if near is None else root_near(surface, origin, near)
     start = root_of(surface, origin, name) if start is None else start
-    lines = lattice.node_lines
-    if preview and np.prod(lattice.node_shape) > MAX_EXACT_NODES:
-        fixed = [pin, *((2 * i + 1, 2 * j + 1) for i, j in (landmark.cell for landmark in landmarks))]
-        lines = _some_lines(lines[0], [p[0] for p in fixed], 0), _some_lines(lines[1], [p[1] for p in fixed], 1)
-    shape = len(lines[0]), len(lines[1]), 2
+    fixed = [pin, *((2 * i + 1, 2 * j + 1) for i, j in (landmark.cell for landmark in landmarks))]
+    lines = _preview_lines(lattice, fixed) if preview else _coarse_lines(lattice, pin)
     step = min(lattice.pitch) / 2 * max(len(every) // len(kept) for every, kept in zip(lattice.node_lines, lines))
     along = row_axis(layer, start, direction)
 
@@ -141,38 +147,84 @@ def wrap_sheet(
     if len(landmarks) > 1:
         targets = LandmarkTargets.of(surface, layer, lattice, landmarks)
         along, constrain = targets.heading(along, step), targets.constraints
-    net = grid_net(lines, lattice.step, pin)
-    starts = (unroll(layer, net.flat, start, along, n * step).reshape(shape) for n in GUESS_STEPS)
-    uv, pinned = None, np.unravel_index(net.pin, shape[:2])
-    if near is not None and _is_along(layer, before := _at_lines(near.uv, lines), pinned, along):
-        with suppress(InvalidPlan):  # from there only
-            again = [before + (start - before[pinned])]
-            uv, is_fine = _relax_sheet(layer, lattice, net, again, constrain, trim, preview)
-            uv = uv if is_fine else None
-    if uv is None:
-        uv, _ = _relax_sheet(layer, lattice, net, starts, constrain, trim, preview)
-    if lines != lattice.node_lines:
+
+    def guesses() -> Iterator[tuple[GridLines, Array]]:
+        """Yield parameters of nodes from which to start, and the lines of these nodes."""
+        if near is not None:
+            before, pinned = _at_lines(near.uv, lines), tuple(k.index(p) for k, p in zip(lines, pin))
+            if _is_along(layer, before, pinned, along):
+                yield lines, before + (start - before[pinned])
+        for level in (lines,) if preview else (lines, _even_lines(lattice)):
+            flat = grid_net(level, lattice.step, pin).flat
+            for n in GUESS_STEPS:
+                yield level, unroll(layer, flat, start, along, n * step).reshape(*map(len, level), 2)
+
+    def relaxed(level: GridLines, guess: Array) -> Array:
+        """Return the parameters of nodes after a relaxation."""
+        net, nodes = grid_net(level, lattice.step, pin), guess.reshape(-1, 2)
+        weights: Array = net.stiffness.sum(axis=1)
+        if trim:
+            within = on_surface(layer, nodes)[net.meshes].any(axis=1)
+            weights = net.stiffness @ np.maximum(within, OUTSIDE_WEIGHT)
+        tolerance = DRAFT_STEP_TOLERANCE if preview else STEP_TOLERANCE
+        return relax(layer, net, nodes, constrain(net, nodes), weights, tolerance).reshape(guess.shape)
+
+    uv = _placed(layer, lattice, guesses(), relaxed, preview)
+    if lines != lattice.node_lines and preview:
         uv = between(uv, *(spline_matrix(kept, every) for kept, every in zip(lines, lattice.node_lines)))
     inside = on_surface(layer, uv[1::2, 1::2]).ravel()
     if not trim or not inside.any():
         _check_inside(layer, lattice, uv)
     if not preview:
         check_folds(layer, lattice, uv, inside)
-    return WrappedSheet(surface, offset, layer, lattice, uv, inside, lines)
+    return WrappedSheet(surface, offset, layer, lattice, uv, inside, lines if preview else lattice.node_lines)
 
 
-def _some_lines(every: Lines, fixed: Sequence[int], axis: int) -> Lines:
-    """Return the first, the last and the fixed rows (or columns, axis 1) of nodes, and even ones between them."""
-    most = PREVIEW_LINES[axis] - 1
+def _preview_lines(lattice: SheetLattice, fixed: Sequence[tuple[int, int]]) -> GridLines:
+    """Return the lines that a preview places: of a large sheet, some even ones and those of fixed nodes."""
+    if np.prod(lattice.node_shape) <= MAX_EXACT_NODES:
+        return lattice.node_lines
+    rows, columns = (
+        _some_lines(every, part, most) for every, part, most in zip(lattice.node_lines, zip(*fixed), PREVIEW_LINES)
+    )
+    return rows, columns
+
+
+def _some_lines(every: Lines, fixed: Sequence[int], most: int) -> Lines:
+    """Return the first, the last and the fixed lines of nodes, and even ones between them."""
     corners = sorted({0, *fixed, len(every) - 1})
     kept = {0}
     for start, stop in zip(corners, corners[1:]):
-        count = min(stop - start, int(np.ceil((stop - start) * most / (len(every) - 1))))
-        kept.update(np.rint(np.linspace(start, stop, count + 1)).astype(int).tolist())
+        steps = min(stop - start, int(np.ceil((stop - start) * (most - 1) / (len(every) - 1))))
+        kept.update(np.rint(np.linspace(start, stop, steps + 1)).astype(int).tolist())
     return tuple(sorted(kept))
 
 
-def _at_lines(uv: Array, lines: tuple[Lines, Lines]) -> Array:
+def _even_lines(lattice: SheetLattice, halvings: int = 0) -> GridLines:
+    """Return lines at all nodes of a sheet, and more between them, so that meshes are nearly square."""
+    rows, columns = (
+        tuple((np.arange((n - 1) * k + 1) / k).tolist()) for n, k in zip(lattice.node_shape, _parts(lattice, halvings))
+    )
+    return rows, columns
+
+
+def _parts(lattice: SheetLattice, halvings: int) -> tuple[int, int]:
+    """Return into how many parts `_even_lines` divides the distance of two nodes, across the rows and along them."""
+    steps = np.abs(lattice.step)
+    rows, columns = (2**halvings * np.clip(np.rint(steps / steps.min()), 1, MAX_PARTS).astype(int)).tolist()
+    return rows, columns
+
+
+def _coarse_lines(lattice: SheetLattice, pin: tuple[int, int]) -> GridLines:
+    """Return about every second of the lines of `_even_lines`: those of the centres of cells, the pin, and the ends."""
+    rows, columns = (
+        tuple(every[k] for k in sorted({0, part * at, len(every) - 1, *range(part % 2, len(every), 2)}))
+        for every, part, at in zip(_even_lines(lattice), _parts(lattice, 0), pin)
+    )
+    return rows, columns
+
+
+def _at_lines(uv: Array, lines: GridLines) -> Array:
     """Return the parameters of a placed sheet at lines of nodes; a sheet of another size is stretched to the same."""
     scaled = [np.array(kept) * ((n - 1) / kept[-1]) for n, kept in zip(uv.shape, lines)]
     sites = np.meshgrid(*scaled, indexing="ij")
@@ -186,37 +238,71 @@ def _is_along(layer: BSplineSurface, uv: Array, pin: tuple[Any, ...], along: Arr
     return bool(unit((after - before)[None])[0] @ along > np.cos(MAX_START_TURN))
 
 
-def _relax_sheet(
+def _placed(
     layer: BSplineSurface,
     lattice: SheetLattice,
-    net: Net,
-    starts: Iterable[Array],
-    constrain: Callable[[Net, Array], Constraints],
-    trim: bool,
+    guesses: Iterable[tuple[GridLines, Array]],
+    relaxed: Callable[[GridLines, Array], Array],
     preview: bool,
-) -> tuple[Array, bool]:
-    """Return the nodes of least strain, shape (a, b, 2), from the first start that leaves no cell turned over.
+) -> Array:
+    """Return the nodes of least strain, shape (a, b, 2), from the first guess that leaves no cell turned over.
 
-    A fold has no strain and stays.
+    A fold has no strain and stays. A preview keeps the nodes of its guess.
     """
-    areas = net.load_fractions[net.pairs].mean(axis=1) * len(net.flat)
-    is_even = len(net.flat) == np.prod(lattice.node_shape)
-    tolerance = DRAFT_STEP_TOLERANCE if preview else STEP_TOLERANCE
-    for start in starts:
-        uv = start.reshape(-1, 2)
-        weights = None if is_even else areas
-        if trim:
-            within = on_surface(layer, uv)[net.pairs].any(axis=1)
-            weights = np.where(within, 1.0, OUTSIDE_WEIGHT) * (1.0 if weights is None else weights)
-        nodes = relax(layer, net, uv, constrain(net, uv), weights, tolerance).reshape(start.shape)
-        if preview:
-            beyond = ~on_surface(layer, nodes)
-            turned = turned_meshes(lattice, nodes) & ~beyond[1:, 1:] & ~beyond[:-1, :-1]
-        else:
-            turned = turned_over(layer, lattice, nodes) & on_surface(layer, nodes[1::2, 1::2]).ravel()
+    uv, problem = None, None
+    for lines, guess in guesses:
+        try:
+            uv = relaxed(lines, guess)
+            if preview:
+                beyond = ~on_surface(layer, uv)
+                turned = turned_meshes(lattice, uv) & ~beyond[1:, 1:] & ~beyond[:-1, :-1]
+            else:
+                uv = _converged(layer, lattice, lines, uv, relaxed)
+                turned = _turned_cells(layer, lattice, uv)
+        except InvalidPlan as error:
+            problem = error
+            continue
         if not turned.any():
-            return nodes, True
-    return nodes, False
+            break
+    if uv is None:
+        assert problem is not None  # there is a guess
+        raise problem
+    return uv
+
+
+def _converged(
+    layer: BSplineSurface,
+    lattice: SheetLattice,
+    lines: GridLines,
+    uv: Array,
+    relaxed: Callable[[GridLines, Array], Array],
+) -> Array:
+    """Return the nodes of the cells after the relaxation of finer and finer nets, from the nodes at some lines."""
+    found, moved = None, np.inf
+    for halvings in count():
+        finer, (a, b) = _even_lines(lattice, halvings), _parts(lattice, halvings)
+        if found is not None and (moved <= MAX_HALVING_MOVE or len(finer[0]) * len(finer[1]) > MAX_NODES):
+            return found
+        guess = between(uv, *(spline_matrix(kept, every) for kept, every in zip(lines, finer)))
+        try:
+            uv, lines = relaxed(finer, guess), finer
+        except InvalidPlan:
+            if found is None:
+                raise
+            return found
+        cells = uv[::a, ::b]
+        if found is not None and _turned_cells(layer, lattice, cells).any():
+            return found
+        found = cells
+        centres = [part[a :: 2 * a, b :: 2 * b].reshape(-1, 2) for part in (guess, uv)]
+        ends = [layer.points(part[on_surface(layer, centres[1])]) for part in centres]
+        moved = float(np.linalg.norm(ends[1] - ends[0], axis=1).max(initial=0.0))
+    raise AssertionError  # the loop is endless
+
+
+def _turned_cells(layer: BSplineSurface, lattice: SheetLattice, uv: Array) -> BoolArray:
+    """Return which cells on the surface are turned over, shape (cells,)."""
+    return turned_over(layer, lattice, uv) & on_surface(layer, uv[1::2, 1::2]).ravel()
 
 
 def root_of(surface: BSplineSurface, origin: ArrayLike | None, name: str = "The origin") -> Array:

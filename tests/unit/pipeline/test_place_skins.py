@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration.file import load_calibration, save_calibration
-from skin_calib_addon.common.errors import InvalidPlan
-from skin_calib_addon.geometry import CoverSpec, TubeGrid
+from skin_calib_addon.common.errors import InvalidPlan, OutsideSurface
+from skin_calib_addon.geometry import AcrossGrid, CoverSpec, TubeGrid
 from skin_calib_addon.inspection.all_taxels import AllTaxels
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.pipeline.place_skins import Draft, place_all
@@ -18,7 +18,7 @@ from skin_calib_addon.plan.document import skins_from
 from skin_calib_addon.plan.plan import Surface
 from skin_calib_addon.runtime import load
 from skin_calib_addon.skin.warnings import normal_warnings
-from tests.shapes import Z_AXIS, cylinder
+from tests.shapes import Z_AXIS, cylinder, with_hole
 from tests.shapes import sheet as flat_sheet
 
 RADIUS = 0.05
@@ -195,3 +195,29 @@ def test_draft_is_along_the_facets_where_it_may_be(tmp_path):
         above[on_facets] = np.hypot(*placed.patch.taxels.positions_link.T[:2]) - RADIUS
         assert ("error_field" in vars(anew)) == (not on_facets)
     assert np.abs(above[False]).max() < 3e-5 and -4.3e-4 < above[True].mean() < -1.5e-4
+
+
+def test_cells_over_a_hole_are_a_warning_and_can_be_an_error(tmp_path):
+    """Corners over a hole of a plate count as those beyond its rim; without an overhang there is no warning."""
+    plate = with_hole(flat_sheet(lambda x, y: 0 * x, cells=(50, 40)), (0.05, 0.04, 0), 0.013)
+    surface = Surface(CoverSpec(), AcrossGrid(20, 20, (0, 0, 1), (1, 0, 0)))
+    skin = {"name": "s", "kind": "sheet", "rows": 2, "columns": 2, "pitch": [0.01, 0.01], "direction": [1, 0, 0]}
+
+    def placed(document):
+        plan = Plan("plate", tmp_path / "plate.stl", "m", (surface,), skins_from([document]))
+        return calibrate(plan, plate)
+
+    clear = placed(skin | {"origin": [0.01, 0.01, 0]})
+    assert "overhang" not in clear.calibration.patches[0].taxels.quality
+    over = placed(skin | {"origin": [0.024, 0.035, 0]})
+    (found,) = (w for w in over.warnings if w.code == "overhang")
+    assert "cells of s protrude over an edge, a hole or the boundary by more than 1 mm" in found.message
+    taxels = over.calibration.patches[0].taxels
+    assert found.where.taxels[0] in found.message and found.value == taxels.quality["overhang"].max() > 1e-3
+    assert ((taxels.areas < 0.99e-4) == (taxels.quality["overhang"] > 0)).all()
+    with pytest.raises(OutsideSurface, match=r"of 2 cells of skin 's' over .* by more than 2 mm, .* maximum overhang"):
+        placed(skin | {"origin": [0.024, 0.035, 0], "max_overhang": 0.002})
+    assert placed(skin | {"origin": [0.01, 0.01, 0], "max_overhang": 0}).taxels == 4
+    board = {"kind": "hexagons", "side": 0.006, "cells": [[0, 0]], "origin": [0.034, 0.04, 0], "max_overhang": 0.001}
+    with pytest.raises(OutsideSurface, match=r"Overhang of 1 board of skin 's' over .* use fewer boards there"):
+        placed({"name": "s"} | board)

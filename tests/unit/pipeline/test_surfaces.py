@@ -167,7 +167,8 @@ def test_boundary_is_kept_and_holds_for_skins():
     # The loop is 60 mm high; the grid goes 0.1 % beyond it on both sides.
     assert inside.warnings == () and np.ptp(inside.surfaces[0].control_net[..., 2]) == pytest.approx(0.06012, abs=1e-9)
     wide = CHEST | {"rows": 5, "columns": 6}  # its corner cells are 32 mm from the centre
-    (warning,) = made(document | {"skins": [wide]}).calibration.warnings
+    warning, rim = made(document | {"skins": [wide]}).calibration.warnings
+    assert rim.code == "overhang" and not set(rim.where.taxels) & set(warning.where.taxels)
     assert warning.code == "over-hole" and sorted(warning.where.taxels) == [
         f"chest.{r}.{c}" for r in (0, 4) for c in (0, 5)
     ]

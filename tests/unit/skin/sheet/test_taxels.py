@@ -185,3 +185,38 @@ def test_thin_sheets_have_taxels_too(shape):
     taxels = wrapped(cone_surface(), shape)
     assert len(taxels.ids) == shape[0] * shape[1]
     assert found_neighbours(taxels) == lattice_neighbours(*shape)
+
+
+def clipped_area(corners):
+    """Return the area of the part of a polygon (k, 2) with x > 0 (Sutherland and Hodgman)."""
+    kept = []
+    for a, b in zip(np.roll(corners, 1, axis=0), corners):
+        if (a[0] > 0) != (b[0] > 0):
+            kept.append(a + a[0] / (a[0] - b[0]) * (b - a))
+        if b[0] > 0:
+            kept.append(b)
+    x, y = np.array(kept).T
+    return abs(x @ np.roll(y, 1) - y @ np.roll(x, 1)) / 2
+
+
+@pytest.mark.parametrize(("x", "slope"), [(0.0023, 0.0), (0.004, 0.3), (0.006, 1.0), (0.0001, 0.7)])
+def test_cells_end_at_the_rim(x, slope):
+    """Corners beyond a straight rim: areas and outlines are those of the clipped squares, and overhangs are stated."""
+    along = np.array((1, slope)) / np.hypot(1, slope)
+    axes = np.stack((along, (-along[1], along[0])))
+    sheet = wrap_sheet(plane_surface(0.1, 0.08), SheetLattice(4, 4, SQUARE), (x, 0.02, 0), (1, slope, 0), trim=True)
+    taxels = sheet_taxels(sheet, "s")
+    centres = (x, 0.02) + 0.01 * taxels.index[:, ::-1] @ axes
+    squares = centres[:, None] + 0.005 * np.array(((-1, -1), (1, -1), (1, 1), (-1, 1))) @ axes
+    expected = np.array([clipped_area(square) for square in squares])
+    assert_allclose(taxels.areas, expected, rtol=1e-5)
+    assert_allclose(fan_areas(taxels.positions_link, taxels.corners_link), expected, rtol=1e-5)
+    least = np.maximum(-squares[..., 0].min(axis=1), 0)
+    overhang = taxels.quality["overhang"]
+    assert ((overhang > 0) == (least > 0)).all() and (overhang >= least - 1e-7).all()
+    assert (overhang <= np.sqrt(2) * least + 1e-7).all()
+
+
+def test_cells_across_a_seam_do_not_protrude():
+    """Around a tube the parameters jump at the seam, and nothing ends there."""
+    assert "overhang" not in wrapped(cone_surface(RADIUS, RADIUS), (6, 22)).quality
