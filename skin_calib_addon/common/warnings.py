@@ -17,6 +17,7 @@ ORDER = (
     "outdated-proposal",  # all of it is of another mesh
     "moved-object",  # or in another place
     "scaled-object",
+    "moved-mesh",
     # the surface is wrong
     "folded",
     "off-mesh",
@@ -25,7 +26,7 @@ ORDER = (
     "undercut",
     "inner-part",
     "missing-samples",
-    "beside-mesh",
+    "outside-outline",
     "planes-nearly-parallel",
     # taxels are wrong
     "overlap",

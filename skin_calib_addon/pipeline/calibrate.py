@@ -232,12 +232,14 @@ def _off_mesh(patch: Patch, fit: SurfaceFit) -> Iterator[Warning]:
     """Yield a warning if taxels of a patch are where the surface does not follow the mesh."""
     over = np.flatnonzero(~fit.is_trusted(patch.taxels.uv))
     if len(over):
-        beside = ndimage.binary_dilation(fit.samples.beside(fit.lines.closed))
-        are_beside = np.array([beside[nearest_site(fit.samples, uv, fit.lines.closed)] for uv in patch.taxels.uv[over]])
+        past = ndimage.binary_dilation(fit.samples.outside_outline(fit.lines.closed))
+        are_outside = np.array([past[nearest_site(fit.samples, uv, fit.lines.closed)] for uv in patch.taxels.uv[over]])
         region = fit.lines.region
         are_out = region is not None and ~region(fit.surface.points(patch.taxels.uv[over]))
         kinds = np.where(
-            are_out, "outside the boundary", np.where(are_beside, "beside the mesh", "over a hole of the mesh")
+            are_out,
+            "outside the boundary",
+            np.where(are_outside, "outside of the outline of the mesh", "over a hole of the mesh"),
         )
         message = (
             f"{len(over)} of {len(patch.taxels.ids)} taxels of {patch.name} are {' or '.join(np.unique(kinds))}, "

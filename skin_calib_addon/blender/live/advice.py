@@ -153,7 +153,7 @@ ACTIONS: dict[str, tuple[Action, ...]] = {
     "folded": (SECTOR, CUT, PROPOSE),
     "nearly-folded": (MARGIN, CUT, SECTOR),
     "missing-samples": (HOLES,),
-    "beside-mesh": (MARGIN,),
+    "outside-outline": (MARGIN,),
     "dropped-curves": (SEEN,),
     "not-converged": (AXIS,),
     "undercut": (CUT, SECTOR),

@@ -146,18 +146,24 @@ def largest_at(values: Array) -> tuple[int, int]:
 
 
 def missed_warnings(lines: LineGrid, basis: TensorBasis, samples: RaySamples) -> Iterator[Warning]:
-    """Yield warnings where sample rays miss the mesh: in holes, and beside its outline.
+    """Yield warnings where sample rays miss the mesh: in holes, and outside of its outline.
 
     Single rays pass small holes; next to hits the surface is no extrapolation.
     """
-    beside = samples.beside(lines.closed)
-    in_holes = samples.holes & ~beside
+    past = samples.outside_outline(lines.closed)
+    in_holes = samples.holes & ~past
     wide = in_holes & ~ndimage.binary_dilation(~np.isnan(samples.residuals))
     what = "mesh" if samples.outside is None else "cover inside the boundary"
     total = samples.missed.size if samples.outside is None else int((~samples.outside).sum())
     for missed, shown, code, rest, advice in (
         (in_holes, wide, "missing-samples", f"do not hit the {what}", "Close the hole, or keep the skin away from it."),
-        (beside, beside, "beside-mesh", "pass beside the mesh", "Move the planes, or keep the skin away from there."),
+        (
+            past,
+            past,
+            "outside-outline",
+            "pass outside of the outline of the mesh",
+            "Move the planes, or keep the skin away.",
+        ),
     ):
         if shown.any():
             around = missed.mean(axis=1)[:, None] + missed.mean(axis=0)

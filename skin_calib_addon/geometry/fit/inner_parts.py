@@ -15,7 +15,7 @@ from ..surface.footpoints import near_footpoints
 from .error_report import MESH_POINTS
 
 # [cosine] between the normal of the surface and the direction to a point above which the point is over the surface, not
-# beside its edge. Larger: less counts.
+# next to its edge. Larger: less counts.
 OVER_COSINE = 0.9
 
 

@@ -145,7 +145,7 @@ def symmetry_notes(mesh: TriangleMesh, axis: Axis | None) -> tuple[Warning, ...]
             "nearly-symmetric",
             "note",
             f"The sections {sides} equally far, within {NEARLY_EQUAL:.1%}. The rest decides {what}: on another mesh of "
-            "this link it can be the other way round.",
+            "this link it can be the opposite.",
             value=value,
             advice="Compare the sides after each change of the mesh.",
         )

@@ -57,8 +57,11 @@ class RaySamples:
         """Return which rays pass through holes of the mesh, shape (k, l): next to a boundary they only miss its rim."""
         return self.missed if self.outside is None else self.missed & ~ndimage.binary_dilation(self.outside)
 
-    def beside(self, closed: bool) -> BoolArray:
-        """Return which missed rays pass beside the mesh, (k, l): those connected to an open edge without a boundary."""
+    def outside_outline(self, closed: bool) -> BoolArray:
+        """Return which missed rays pass outside of the outline of the mesh, (k, l): those connected to an open edge.
+
+        With a boundary, there are none.
+        """
         if self.outside is not None:
             return np.zeros(self.residuals.shape, bool)
         edge, turns = np.zeros(self.residuals.shape, bool), 2 if closed else 1

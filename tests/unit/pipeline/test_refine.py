@@ -127,7 +127,7 @@ def test_skins_without_touches_stay(fitted):
 
 
 def test_warning_about_the_plan_stays(fitted):
-    """Touches do not tell that the mesh has changed since the proposal."""
+    """Touches do not show whether the mesh has changed since the proposal."""
     plan, result = with_skin(fitted, SHEET | PLACED)
     result = replace(result, calibration=replace(result.calibration, warnings=(OUTDATED_PROPOSAL,)))
     taxels = result.placed[0].patch.taxels

@@ -29,8 +29,8 @@ JOINT = (
 MM = "0.001 -0.001 0.001"
 
 
-INERTIA = '<inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/>'
-INERTIAL = f'<inertial><mass value="0.5"/>{INERTIA}</inertial>'
+INERTIA = '<inertia ixx="0.3" iyy="0.3" izz="0.3" ixy="0" ixz="0" iyz="0"/>'
+INERTIAL = f'<inertial><mass value="25"/>{INERTIA}</inertial>'
 
 
 @pytest.fixture(scope="module")
@@ -371,9 +371,9 @@ NO_MASS = "the URDF does not state the mass and inertia of moving links, or of l
     ("inertial", "assumed"),
     [
         ("", "assumed hand (21.9 kg)."),
-        (INERTIAL.replace("0.5", "0"), "assumed hand (1e-06 kg)."),
-        (INERTIAL.replace("0.5", "0").replace("1e-3", "0"), "assumed hand (1e-06 kg)."),
-        (INERTIAL.replace("1e-3", "0"), "assumed hand (0.5 kg)."),
+        (INERTIAL.replace("25", "0"), "assumed hand (1e-06 kg)."),
+        (INERTIAL.replace("25", "0").replace("0.3", "0"), "assumed hand (1e-06 kg)."),
+        (INERTIAL.replace("0.3", "0"), "assumed hand (25 kg)."),
         (INERTIAL, ""),
     ],
 )

@@ -382,11 +382,11 @@ def test_planes_that_cannot_be_spared_are_not_left_out():
         assert len(fit_module.leave_one_out(fit)) == errors
 
 
-def test_rays_beside_a_round_outline_pass_no_hole():
+def test_rays_outside_of_a_round_outline_pass_no_hole():
     """The corners of a square grid over a round sheet: an own warning, and none of a hole."""
     disc = keep(
         sheet(lambda x, y: 0 * x, (0.1, 0.1), (60, 60)), lambda c: np.linalg.norm(c[:, :2] - 0.05, axis=1) < 0.05
     )
     (warning,) = fit_surface(disc, AcrossGrid(8, 8, (0, 0, 1))).warnings
-    assert warning.code == "beside-mesh" and warning.value == pytest.approx(1 - np.pi / 4, abs=0.06)
-    assert "pass beside the mesh" in warning.message
+    assert warning.code == "outside-outline" and warning.value == pytest.approx(1 - np.pi / 4, abs=0.06)
+    assert "pass outside of the outline of the mesh" in warning.message
