@@ -8,6 +8,7 @@ from typing import Any
 from ..calibration.modality import Modality
 from ..calibration.response import AnyResponse, Response
 from ..geometry.fit.diagnosis import MAX_DEVIATION
+from ..geometry.fit.mesh_uncertainty import MeshUncertainty
 from ..geometry.grid.grids import Grid, PlanesGrid
 from ..geometry.mesh.cover import CoverSpec
 from ..geometry.mesh.triangle_mesh import TriangleMesh
@@ -41,6 +42,7 @@ class Plan:
     response: AnyResponse = Response()
     extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, kept as they came
     modalities: tuple[Modality, ...] = ()  # further quantities that taxels measure
+    mesh_uncertainty: MeshUncertainty = MeshUncertainty()  # of the part from its mesh
 
     @property
     def surface(self) -> Surface:

@@ -1,0 +1,90 @@
+"""How far a part is from its mesh, and what a fit makes of it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .error_field import ErrorField, slopes_of
+from .surface_fit import SurfaceFit
+
+# [m] standard deviation, per axis, of a part from its mesh: printed and moulded covers are 0.1 to 0.3 mm off their CAD
+# model, simplified meshes and scans as much. Larger: all taxels are less certain. Contract: the default of a plan.
+MESH_DEVIATION = 2e-4
+# [m] distance over which this deviation changes: parts warp as a whole. Smaller: normals are less certain. Contract:
+# the documented default of a plan.
+CORRELATION_LENGTH = 0.05
+# [1] correlation length over the longest span from which on a surface follows the deviation of a mesh completely: the
+# part that it smooths is below 1 %. Larger: more time.
+FOLLOWED_SPANS = 2.0
+# [1] waves of a random deviation. More: variances are more exact, now within about 4 %; more time.
+WAVES = 128
+# [1] largest ratio of the mean square of residuals around a site to the mean square of the noise that they are. Larger:
+# steps of a scan are less uncertain.
+MAX_NOISE_RATIO = 2.0
+# [1] fraction of the deviation in the residuals from which on the vertices of the mesh are noisy. Larger: taxels of
+# scans are as uncertain as the noise below them.
+MIN_NOISE_PART = 0.5
+
+
+@dataclass(frozen=True)
+class MeshUncertainty:
+    r"""The deviation of a part from its mesh: a Gaussian random field along each axis.
+
+    Points at the distance :math:`d` have the covariance :math:`s^2 e^{-d^2 / L^2}`. The slope of the deviation has the
+    variance :math:`2 s^2 / L^2` along any direction.
+    """
+
+    standard_deviation: float = MESH_DEVIATION  # s, along each axis [m]
+    correlation_length: float = CORRELATION_LENGTH  # L [m]
+
+    @property
+    def variance(self) -> float:
+        """Return the variance of the deviation along each axis [m^2]."""
+        return self.standard_deviation**2
+
+    @property
+    def slope(self) -> float:
+        """Return the variance of the slope of the deviation along any direction [1]."""
+        return 2 * self.variance / self.correlation_length**2
+
+
+def with_mesh_uncertainty(fit: SurfaceFit, mesh: MeshUncertainty) -> ErrorField:
+    r"""Return the error field of a fit, with the deviation of the part from its mesh.
+
+    The mesh of a CAD program does not contain the deviation: its variance adds. A scan contains it as noise, and the
+    surface averages what is shorter than its spans. The fraction :math:`f` that is in the mesh follows from the
+    residuals :math:`R`. With the operator :math:`A` of the least squares, the covariance :math:`K` of the deviation,
+    and its part :math:`K_R = (I - A) K (I - A)^T` in the residuals:
+
+    .. math::
+
+        \sigma^2 = (1 - f)\, s^2 + f \operatorname{diag} (A K A^T)
+        + \left( 1 - \frac{2 f \operatorname{diag} K_R}{R^2} \right)_+ \sigma_0^2 , \qquad
+        f = \min\left( 1,\ \frac{\operatorname{median} R^2}{\operatorname{median} \operatorname{diag} K_R} \right)
+
+    The factor of two allows for the scatter of :math:`R^2`. Both diagonals are means over plane waves, whose wave
+    vectors have the variance :math:`2 / L^2` per axis.
+    """
+    field, basis = fit.error_field, fit.basis
+    sites, spans = np.array(fit.residuals.shape), np.array(basis.spans_by_axis)
+    longest = float((field.spacing.mean(axis=(0, 1)) * sites / spans).max())
+    if mesh.correlation_length >= FOLLOWED_SPANS * longest or mesh.standard_deviation == 0:
+        return replace(field, height=field.height + mesh.variance, slopes=field.slopes + mesh.slope)
+    directions = np.linalg.qr(np.random.default_rng(0).normal(size=(WAVES, 3)))[0]  # with equal variances
+    phases = fit.points @ (np.sqrt(2 * WAVES) / mesh.correlation_length * directions.T)
+    followed, left = np.zeros((3, *sites)), np.zeros(tuple(sites))
+    for waves in (np.cos(phases), np.sin(phases)):
+        for wave in np.moveaxis(waves, 2, 0):
+            moved = basis.N @ basis.solve(wave, np.zeros_like(fit.offsets), fit.stiffness) @ basis.B.T
+            followed += np.square([moved, *slopes_of(moved, field.spacing, basis.is_closed)])
+            left += (wave - moved) ** 2
+    followed, left = mesh.variance * followed / WAVES, mesh.variance * left / WAVES
+    part = min(1.0, float(np.nanmedian(field.rest) / np.nanmedian(left)))
+    known = np.clip(1 - MAX_NOISE_RATIO * part * left / np.maximum(field.rest, np.finfo(float).tiny), 0, 1)
+    height, *slopes = part * followed + (1 - part) * np.array((mesh.variance, mesh.slope, mesh.slope))[:, None, None]
+    return replace(
+        field,
+        height=known * field.height + height,
+        slopes=known[..., None] * field.slopes + np.stack(slopes, axis=2),
+        mesh=field.mesh if part < MIN_NOISE_PART else None,
+    )
