@@ -50,8 +50,8 @@ def with_sigma(
     of_part = mesh.variance * np.eye(2)  # along the surface
     if isinstance(skin, ImportedSkin):  # it keeps the positions of a file
         along, height, tilt = moved_rigidly(taxels, registration)
-        height = None if skin.snap else height + mesh.variance
-        uncertainty = taxel_uncertainty(taxels, field, along + of_part, height, tilt)
+        of_file = None if skin.snap else height + mesh.variance
+        uncertainty = taxel_uncertainty(taxels, field, along + of_part, of_file, tilt)
         upright = field.surface.normals(taxels.uv)
         of_boards = np.abs(taxels.normals_link - upright).max(axis=1) > SAME_NORMAL  # they turn with the frame only
         uncertainty.angle[of_boards] = (tilt + mesh.slope) * np.eye(2)

@@ -312,15 +312,14 @@ def error_field(
             if stiffness:  # what a second smoothing of the residuals would add is an estimate of the bias (Tukey, 1977)
                 more = basis.solve(samples.residuals, np.zeros_like(offsets), stiffness)
                 height = height + _local_mean((basis.N @ more @ basis.B.T) ** 2, basis)
-            mean = _local_mean((plain * cosine) ** 2, basis)
-            slopes = np.stack(slopes, axis=2) / spacing**2
-            return ErrorField(surface_of(offsets + step), height * cosine**2, slopes, mean, spacing, None)
-    known_part, doubt = (
+            steepness, left = np.stack(slopes, axis=2) / spacing**2, _local_mean((plain * cosine) ** 2, basis)
+            return ErrorField(surface_of(offsets + step), height * cosine**2, steepness, left, spacing, None)
+    left, doubt = (
         np.stack([_local_mean(part**2, basis) for part in (heights, *slopes_of(heights, spacing, basis.is_closed))])
         for heights in (error * cosine, along_rays(doubts, np.ones_like(cosine)))
     )
-    height, *slopes = known_part + doubt
-    return ErrorField(surface_of(offsets + step), height, np.stack(slopes, axis=2), known_part[0], spacing, mesh)
+    height, by_u, by_v = left + doubt
+    return ErrorField(surface_of(offsets + step), height, np.stack((by_u, by_v), axis=2), left[0], spacing, mesh)
 
 
 def slopes_of(heights: Array, spacing: Array, closed: bool) -> tuple[Array, Array]:
