@@ -28,9 +28,10 @@ from stability import WRIST_AXIS, noisy
 from skin_calib_addon.calibration.model import Registration
 from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.common.errors import PoorFit, SkinCalibError
+from skin_calib_addon.common.mesh_uncertainty import MeshUncertainty
 from skin_calib_addon.geometry import AcrossGrid, Axis, BSplineSurface, SurfaceFit, TriangleMesh, fit_surface, weld
 from skin_calib_addon.geometry.fit.error_field import vertex_normals
-from skin_calib_addon.geometry.fit.mesh_uncertainty import MeshUncertainty, with_mesh_uncertainty
+from skin_calib_addon.geometry.fit.mesh_uncertainty import with_mesh_uncertainty
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from skin_calib_addon.skin import Landmark, SheetLattice, sheet_taxels, wrap_sheet
 from skin_calib_addon.skin.uncertainty import (

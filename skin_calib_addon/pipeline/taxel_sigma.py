@@ -9,8 +9,9 @@ from scipy.spatial import cKDTree
 from ..calibration.model import Patch, Registration
 from ..common.arrays import Array, BoolArray
 from ..common.errors import InvalidPlan, counted, listed, millimetres
+from ..common.mesh_uncertainty import MeshUncertainty
 from ..common.warnings import Place, Warning, point_of
-from ..geometry.fit.mesh_uncertainty import MeshUncertainty, with_mesh_uncertainty
+from ..geometry.fit.mesh_uncertainty import with_mesh_uncertainty
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..plan.skins import ImportedSkin, Mounting, SheetSkin, Skin
 from ..skin.sheet.landmarks import MAX_POINT_DISTANCE

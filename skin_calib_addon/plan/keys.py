@@ -9,8 +9,8 @@ from ..calibration.modality import UNITS, Modality
 from ..calibration.model import MAX_CHANNEL
 from ..calibration.response import Response
 from ..calibration.validate import SCHEMA
+from ..common.mesh_uncertainty import CORRELATION_LENGTH, MESH_DEVIATION, MeshUncertainty
 from ..geometry.fit.diagnosis import MAX_DEVIATION
-from ..geometry.fit.mesh_uncertainty import CORRELATION_LENGTH, MESH_DEVIATION, MeshUncertainty
 from ..geometry.grid.axis import Axis
 from ..geometry.grid.grids import Across, Grid, PlanesGrid, Sector, Size, Tolerance, Tube
 from ..geometry.mesh.cover import CoverSpec, Cut

@@ -7,8 +7,8 @@ from typing import Any
 
 from ..calibration.modality import Modality
 from ..calibration.response import AnyResponse, Response
+from ..common.mesh_uncertainty import MeshUncertainty
 from ..geometry.fit.diagnosis import MAX_DEVIATION
-from ..geometry.fit.mesh_uncertainty import MeshUncertainty
 from ..geometry.grid.grids import Grid, PlanesGrid
 from ..geometry.mesh.cover import CoverSpec
 from ..geometry.mesh.triangle_mesh import TriangleMesh

@@ -26,9 +26,9 @@ MAX_CORNER_ANGLE = MAX_CHORD_ANGLE / 2
 # [1] fraction of this angle up to which a facet has its whole gap. Smaller: fewer facets have their whole gap; 1: a gap
 # begins suddenly.
 WHOLE_GAP_FRACTION = 0.75
-# [rad] the same angles between which a gap that is left out counts less and less as a doubt: from there on the edge is
-# meant to be sharp. Larger: taxels on prisms are less certain.
-DOUBTFUL_ANGLES = MAX_CORNER_ANGLE, 2 * MAX_CORNER_ANGLE
+# [rad] these angles between which a gap that is left out is less and less uncertain: from there on the edge is meant to
+# be sharp. Larger: taxels on prisms are less certain.
+UNCERTAIN_ANGLES = MAX_CORNER_ANGLE, 2 * MAX_CORNER_ANGLE
 # [1] largest ratio of the curvature along an edge to that at its flatter end. Larger: gaps on flat parts next to
 # fillets; 2: gaps are too small where the curvature changes.
 MAX_END_RATIO = 4.0
@@ -110,13 +110,13 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> tuple[Arra
     angles = 2 * np.arcsin(np.minimum(np.sqrt(np.einsum("fkc,fkc->fk", turned, turned).max(axis=1)) / 2, 1))
     bends = whole * np.clip((1 - angles / MAX_CORNER_ANGLE) / (1 - WHOLE_GAP_FRACTION), 0, 1)[:, None]
     bends[bends_at.sharp[corners].any(axis=1)] = 0.0
-    low, high = DOUBTFUL_ANGLES
-    doubts = np.abs(whole - bends) * np.clip((high - angles) / (high - low), 0, 1)[:, None]
-    doubts += np.abs(np.clip(start, -at_end, at_end) - np.clip(end, -at_end, at_end))
-    doubts += np.abs(bends) * angles[:, None] ** 2 / 4
+    low, high = UNCERTAIN_ANGLES
+    unsure = np.abs(whole - bends) * np.clip((high - angles) / (high - low), 0, 1)[:, None]
+    unsure += np.abs(np.clip(start, -at_end, at_end) - np.clip(end, -at_end, at_end))
+    unsure += np.abs(bends) * angles[:, None] ** 2 / 4
     weights = barycentric(mesh.vertices[corners][which], points)
-    gaps, doubt = (np.einsum("nk,nk,nk->n", weights, weights[:, NEXT], s[which]) / 2 for s in (bends, doubts))
-    return gaps, doubt
+    gaps, of_gaps = (np.einsum("nk,nk,nk->n", weights, weights[:, NEXT], s[which]) / 2 for s in (bends, unsure))
+    return gaps, of_gaps
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,7 +259,7 @@ def error_field(
     A residual is a distance to a facet, which is a chord. The distance to the true surface along the ray adds the gap
     :math:`g` of the facet. The least squares divide this error :math:`e + g` into a part that the net can follow, which
     the returned surface removes, and a rest, which the net cannot follow. The mean square of the rest over one span on
-    either side is the variance, with its differences for the slope. The uncertainty of the gaps adds in the same way.
+    either side is the variance, with its differences for the slope. The uncertainty of the gaps adds likewise.
 
     Over a noisy scan the rest is the noise, which the surface averages. Each sample is a mean of the vertices of its
     face, with the weights :math:`b`. A vertex has the sum :math:`w` of its weights in all samples. With the noise
@@ -287,7 +287,7 @@ def error_field(
         field[known] = gaps / cosine[known]
         return field
 
-    gaps, doubts = facet_gaps(mesh, faces, points)
+    gaps, unsure = facet_gaps(mesh, faces, points)
     step, error = rest_of((samples.residuals if converged else 0) + along_rays(gaps * np.sign(slope[known]), cosine))
     if not converged:  # a fit that oscillates stays as it is
         error = error + samples.residuals
@@ -314,11 +314,11 @@ def error_field(
                 height = height + _local_mean((basis.N @ more @ basis.B.T) ** 2, basis)
             steepness, left = np.stack(slopes, axis=2) / spacing**2, _local_mean((plain * cosine) ** 2, basis)
             return ErrorField(surface_of(offsets + step), height * cosine**2, steepness, left, spacing, None)
-    left, doubt = (
+    left, of_gaps = (
         np.stack([_local_mean(part**2, basis) for part in (heights, *slopes_of(heights, spacing, basis.is_closed))])
-        for heights in (error * cosine, along_rays(doubts, np.ones_like(cosine)))
+        for heights in (error * cosine, along_rays(unsure, np.ones_like(cosine)))
     )
-    height, by_u, by_v = left + doubt
+    height, by_u, by_v = left + of_gaps
     return ErrorField(surface_of(offsets + step), height, np.stack((by_u, by_v), axis=2), left[0], spacing, mesh)
 
 

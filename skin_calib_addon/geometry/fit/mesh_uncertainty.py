@@ -1,18 +1,13 @@
-"""How far a part is from its mesh, and what a fit makes of it."""
+"""What a fit makes of the deviation of a part from its mesh."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from ...common.mesh_uncertainty import MeshUncertainty
 from .error_field import ErrorField, slopes_of
 from .surface_fit import SurfaceFit
 
-# [m] standard deviation, per axis, of a part from its mesh: printed and moulded covers are 0.1 to 0.3 mm off their CAD
-# model, simplified meshes and scans as much. Larger: all taxels are less certain. Contract: the default of a plan.
-MESH_DEVIATION = 2e-4
-# [m] distance over which this deviation changes: parts warp as a whole. Smaller: normals are less certain. Contract:
-# the documented default of a plan.
-CORRELATION_LENGTH = 0.05
 # [1] correlation length over the longest span from which on a surface follows the deviation of a mesh completely: the
 # part that it smooths is below 1 %. Larger: more time.
 FOLLOWED_SPANS = 2.0
@@ -24,28 +19,6 @@ MAX_NOISE_RATIO = 2.0
 # [1] fraction of the deviation in the residuals from which on the vertices of the mesh are noisy. Larger: taxels of
 # scans are as uncertain as the noise below them.
 MIN_NOISE_PART = 0.5
-
-
-@dataclass(frozen=True)
-class MeshUncertainty:
-    r"""The deviation of a part from its mesh: a Gaussian random field along each axis.
-
-    Points at the distance :math:`d` have the covariance :math:`s^2 e^{-d^2 / L^2}`. The slope of the deviation has the
-    variance :math:`2 s^2 / L^2` along any direction.
-    """
-
-    standard_deviation: float = MESH_DEVIATION  # s, along each axis [m]
-    correlation_length: float = CORRELATION_LENGTH  # L [m]
-
-    @property
-    def variance(self) -> float:
-        """Return the variance of the deviation along each axis [m^2]."""
-        return self.standard_deviation**2
-
-    @property
-    def slope(self) -> float:
-        """Return the variance of the slope of the deviation along any direction [1]."""
-        return 2 * self.variance / self.correlation_length**2
 
 
 def with_mesh_uncertainty(fit: SurfaceFit, mesh: MeshUncertainty) -> ErrorField:

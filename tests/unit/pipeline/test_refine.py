@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from skin_calib_addon.calibration.file import save_calibration
 from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.common.mesh_uncertainty import MESH_DEVIATION
 from skin_calib_addon.geometry import CoverSpec, TubeGrid
-from skin_calib_addon.geometry.fit.mesh_uncertainty import MESH_DEVIATION
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.pipeline.place_skins import place_all

@@ -11,8 +11,8 @@ from skin_calib_addon.calibration.exchange.table import write_table
 from skin_calib_addon.calibration.file import load_calibration, save_calibration
 from skin_calib_addon.calibration.model import Patch
 from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.common.mesh_uncertainty import MeshUncertainty
 from skin_calib_addon.geometry import CoverSpec, TubeGrid, fit_surface
-from skin_calib_addon.geometry.fit.mesh_uncertainty import MeshUncertainty
 from skin_calib_addon.pipeline import calibrate, taxel_sigma
 from skin_calib_addon.pipeline.taxel_sigma import draft_sigma, unknown_sigma, with_sigma
 from skin_calib_addon.plan import Plan
@@ -122,6 +122,21 @@ def test_taxels_of_imported_boards_turn_with_the_frame_only():
     # The frame of the file moves its taxels along the normal, too; those that snap are as near as the surface.
     assert (height[False] > 0.99e-3).all()
     assert_allclose(height[True] ** 2, fit.error_field.at(taxels.uv)[0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["sheet", "imported", "snapped"])
+def test_deviation_of_the_part_adds_in_all_components(kind, tmp_path):
+    """Squares of sigma grow by s^2 along and normal, and of the angle by 2 s^2 / L^2 or more; the file states both."""
+    skin, part = SHEET, MeshUncertainty(3e-4, 0.04)
+    if kind != "sheet":
+        (tmp_path / "c.csv").write_bytes(write_table(made(SHEET, tmp_path).calibration))
+        skin = {"name": "i", "kind": "imported", "file": str(tmp_path / "c.csv"), "snap": kind == "snapped"}
+    exact, deviating = (made(skin, tmp_path, part=of).calibration for of in (EXACT, part))
+    assert deviating.mesh.uncertainty == part
+    before, after = (each.patches[0].taxels.sigma ** 2 for each in (exact, deviating))
+    assert_allclose((after - before)[:, :2], part.variance, rtol=1e-3)
+    assert (after[:, 2] > before[:, 2] + 0.99 * part.slope).all()
+    assert (after[:, 2] < before[:, 2] + part.slope + 1.1 * part.variance / RADIUS**2).all()  # moved along, it turns
 
 
 def test_nothing_is_stated_over_a_hole_or_for_a_strained_cell(tmp_path):

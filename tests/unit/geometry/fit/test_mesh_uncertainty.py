@@ -5,8 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.common.arrays import unit
+from skin_calib_addon.common.mesh_uncertainty import MeshUncertainty
 from skin_calib_addon.geometry import TubeGrid, fit_surface
-from skin_calib_addon.geometry.fit.mesh_uncertainty import MeshUncertainty, with_mesh_uncertainty
+from skin_calib_addon.geometry.fit.mesh_uncertainty import with_mesh_uncertainty
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh
 from tests.shapes import RADIUS, Z_AXIS, cylinder, round_tube
 
