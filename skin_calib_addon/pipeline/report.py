@@ -51,7 +51,8 @@ def _off(mesh: MeshSource) -> str:
     stated = mesh.uncertainty
     if stated is None:
         return ""
-    return f"; part off by {stated.standard_deviation * 1e3:.3g} mm over {stated.correlation_length * 1e3:.3g} mm"
+    deviation, length = stated.standard_deviation * 1e3, stated.correlation_length * 1e3
+    return f"; part deviates by {deviation:.3g} mm, correlated over {length:.3g} mm"
 
 
 def _surface_summary(result: Calibrated, name: str) -> Iterator[str]:
