@@ -314,9 +314,11 @@ def error_field(
                 height = height + _local_mean((basis.N @ more @ basis.B.T) ** 2, basis)
             steepness, left = np.stack(slopes, axis=2) / spacing**2, _local_mean((plain * cosine) ** 2, basis)
             return ErrorField(surface_of(offsets + step), height * cosine**2, steepness, left, spacing, None)
+    heights, of_gaps = error * cosine, along_rays(unsure, np.ones_like(cosine))
+    followed = of_gaps - rest_of(of_gaps)[1]  # the slopes of a smooth surface do not jump between facets
     left, of_gaps = (
-        np.stack([_local_mean(part**2, basis) for part in (heights, *slopes_of(heights, spacing, basis.is_closed))])
-        for heights in (error * cosine, along_rays(unsure, np.ones_like(cosine)))
+        np.stack([_local_mean(part**2, basis) for part in (rise, *slopes_of(smooth, spacing, basis.is_closed))])
+        for rise, smooth in ((heights, heights), (of_gaps, followed))
     )
     height, by_u, by_v = left + of_gaps
     return ErrorField(surface_of(offsets + step), height, np.stack((by_u, by_v), axis=2), left[0], spacing, mesh)

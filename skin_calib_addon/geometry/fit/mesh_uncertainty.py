@@ -16,33 +16,33 @@ WAVES = 128
 # [1] largest ratio of the mean square of residuals around a site to the mean square of the noise that they are. Larger:
 # steps of a scan are less uncertain.
 MAX_NOISE_RATIO = 2.0
-# [1] fraction of the deviation in the residuals from which on the vertices of the mesh are noisy. Larger: taxels of
-# scans are as uncertain as the noise below them.
-MIN_NOISE_PART = 0.5
+# [1] least ratio of the median square of the residuals to that of noise as stated, from which on the mesh is a scan
+# that contains it. Larger: more meshes are CAD models.
+MIN_NOISE_RATIO = 0.5
 
 
 def with_mesh_uncertainty(fit: SurfaceFit, mesh: MeshUncertainty) -> ErrorField:
     r"""Return the error field of a fit, with the deviation of the part from its mesh.
 
     The mesh of a CAD program does not contain the deviation: its variance adds. A scan contains it as noise, and the
-    surface averages what is shorter than its spans. The fraction :math:`f` that is in the mesh follows from the
-    residuals :math:`R`. With the operator :math:`A` of the least squares, the covariance :math:`K` of the deviation,
-    and its part :math:`K_R = (I - A) K (I - A)^T` in the residuals:
+    surface averages what is shorter than its spans. With the operator :math:`A` of the least squares and the covariance
+    :math:`K` of the deviation, the residuals :math:`R` of a scan have the variances :math:`K_R`, and the surface
 
     .. math::
 
-        \sigma^2 = (1 - f)\, s^2 + f \operatorname{diag} (A K A^T)
-        + \left( 1 - \frac{2 f \operatorname{diag} K_R}{R^2} \right)_+ \sigma_0^2 , \qquad
-        f = \min\left( 1,\ \frac{\operatorname{median} R^2}{\operatorname{median} \operatorname{diag} K_R} \right)
+        \sigma^2 = \operatorname{diag} (A K A^T) + \left( 1 - \frac{2 K_R}{R^2} \right)_+ \sigma_0^2 , \qquad
+        K_R = \operatorname{diag} \left( (I - A) K (I - A)^T \right) \quad [\text{m}^2]
 
-    The factor of two allows for the scatter of :math:`R^2`. Both diagonals are means over plane waves, whose wave
-    vectors have the variance :math:`2 / L^2` per axis.
+    The factor of two allows for the scatter of :math:`R^2`. A mesh is a scan if the median of :math:`R^2` is at least
+    half of that of :math:`K_R`. Both diagonals are means over plane waves, whose wave vectors have the variance
+    :math:`2 / L^2` per axis.
     """
     field, basis = fit.error_field, fit.basis
+    added = replace(field, height=field.height + mesh.variance, slopes=field.slopes + mesh.slope)
     sites, spans = np.array(fit.residuals.shape), np.array(basis.spans_by_axis)
     longest = float((field.spacing.mean(axis=(0, 1)) * sites / spans).max())
     if mesh.correlation_length >= FOLLOWED_SPANS * longest or mesh.standard_deviation == 0:
-        return replace(field, height=field.height + mesh.variance, slopes=field.slopes + mesh.slope)
+        return added
     directions = np.linalg.qr(np.random.default_rng(0).normal(size=(WAVES, 3)))[0]  # with equal variances
     phases = fit.points @ (np.sqrt(2 * WAVES) / mesh.correlation_length * directions.T)
     followed, left = np.zeros((3, *sites)), np.zeros(tuple(sites))
@@ -52,12 +52,9 @@ def with_mesh_uncertainty(fit: SurfaceFit, mesh: MeshUncertainty) -> ErrorField:
             followed += np.square([moved, *slopes_of(moved, field.spacing, basis.is_closed)])
             left += (wave - moved) ** 2
     followed, left = mesh.variance * followed / WAVES, mesh.variance * left / WAVES
-    part = min(1.0, float(np.nanmedian(field.rest) / np.nanmedian(left)))
-    known = np.clip(1 - MAX_NOISE_RATIO * part * left / np.maximum(field.rest, np.finfo(float).tiny), 0, 1)
-    height, *slopes = part * followed + (1 - part) * np.array((mesh.variance, mesh.slope, mesh.slope))[:, None, None]
-    return replace(
-        field,
-        height=known * field.height + height,
-        slopes=known[..., None] * field.slopes + np.stack(slopes, axis=2),
-        mesh=field.mesh if part < MIN_NOISE_PART else None,
-    )
+    if np.nanmedian(field.rest) < MIN_NOISE_RATIO * np.nanmedian(left):
+        return added
+    known = np.clip(1 - MAX_NOISE_RATIO * left / np.maximum(field.rest, np.finfo(float).tiny), 0, 1)
+    height, by_u, by_v = followed
+    slopes = known[..., None] * field.slopes + np.stack((by_u, by_v), axis=2)
+    return replace(field, height=known * field.height + height, slopes=slopes, mesh=None)  # its vertices are noisy
