@@ -8,17 +8,14 @@ from ...common.mesh_uncertainty import MeshUncertainty
 from .error_field import ErrorField, slopes_of
 from .surface_fit import SurfaceFit
 
-# [1] correlation length over the longest span from which on a surface follows the deviation of a mesh completely: the
-# part that it smooths is below 1 %. Larger: more time.
-FOLLOWED_SPANS = 2.0
+# [1] correlation length over the longer mean span from which on a surface follows the deviation of a mesh: it smooths
+# less than 5 %. Larger: more time.
+FOLLOWED_SPANS = 1.0
 # [1] waves of a random deviation. More: variances are more exact, now within about 4 %; more time.
 WAVES = 128
-# [1] largest ratio of the mean square of residuals around a site to the mean square of the noise that they are. Larger:
-# steps of a scan are less uncertain.
-MAX_NOISE_RATIO = 2.0
-# [1] least ratio of the median square of the residuals to that of noise as stated, from which on the mesh is a scan
-# that contains it. Larger: more meshes are CAD models.
-MIN_NOISE_RATIO = 0.5
+# [1] range of the ratio of the mean square of residuals to that of noise as stated: medians within it are those of a
+# scan; above it, residuals around a site are not only noise. Wider: more meshes are scans.
+NOISE_RATIOS = 0.5, 2.0
 
 
 def with_mesh_uncertainty(fit: SurfaceFit, mesh: MeshUncertainty) -> ErrorField:
@@ -33,9 +30,9 @@ def with_mesh_uncertainty(fit: SurfaceFit, mesh: MeshUncertainty) -> ErrorField:
         \sigma^2 = \operatorname{diag} (A K A^T) + \left( 1 - \frac{2 K_R}{R^2} \right)_+ \sigma_0^2 , \qquad
         K_R = \operatorname{diag} \left( (I - A) K (I - A)^T \right) \quad [\text{m}^2]
 
-    The factor of two allows for the scatter of :math:`R^2`. A mesh is a scan if the median of :math:`R^2` is at least
-    half of that of :math:`K_R`. Both diagonals are means over plane waves, whose wave vectors have the variance
-    :math:`2 / L^2` per axis.
+    The factor of two allows for the scatter of :math:`R^2`. A mesh is a scan if the median of :math:`R^2` is half of
+    that of :math:`K_R` to twice as much. Both diagonals are means over plane waves, whose wave vectors have the
+    variance :math:`2 / L^2` per axis.
     """
     field, basis = fit.error_field, fit.basis
     added = replace(field, height=field.height + mesh.variance, slopes=field.slopes + mesh.slope)
@@ -52,9 +49,10 @@ def with_mesh_uncertainty(fit: SurfaceFit, mesh: MeshUncertainty) -> ErrorField:
             followed += np.square([moved, *slopes_of(moved, field.spacing, basis.is_closed)])
             left += (wave - moved) ** 2
     followed, left = mesh.variance * followed / WAVES, mesh.variance * left / WAVES
-    if np.nanmedian(field.rest) < MIN_NOISE_RATIO * np.nanmedian(left):
+    least, most = NOISE_RATIOS
+    if not least < np.nanmedian(field.rest) / np.nanmedian(left) < most:
         return added
-    known = np.clip(1 - MAX_NOISE_RATIO * left / np.maximum(field.rest, np.finfo(float).tiny), 0, 1)
+    known = np.clip(1 - most * left / np.maximum(field.rest, np.finfo(float).tiny), 0, 1)
     height, by_u, by_v = followed
     slopes = known[..., None] * field.slopes + np.stack((by_u, by_v), axis=2)
     return replace(field, height=known * field.height + height, slopes=slopes, mesh=None)  # its vertices are noisy

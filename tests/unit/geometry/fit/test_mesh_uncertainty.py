@@ -62,6 +62,18 @@ def test_a_deviation_that_the_mesh_does_not_have_adds(length):
     assert_allclose(after[1], before[1] + stated.slope, rtol=0.03)
 
 
+@pytest.mark.parametrize("rough", [0.0, 2e-3], ids=["followed", "not followed"])
+def test_the_default_adds_to_any_net(rough):
+    """Four planes on a long tube have spans of 0.4 m; what they cannot follow is no noise of 0.2 mm."""
+
+    def radius(angle, fraction):
+        return RADIUS + rough * np.sin(40 * fraction) * np.cos(3 * angle)
+
+    fit = fit_surface(round_tube(radius, 60, 120, 0.4), TubeGrid(4, 8, Z_AXIS, 0.004, "uniform"))
+    before, after = fit.error_field.at(UV)[0], with_mesh_uncertainty(fit, MeshUncertainty()).at(UV)[0]
+    assert (after > 0.99 * MeshUncertainty().variance).all() and (after > 0.9 * before).all()
+
+
 def test_an_exact_mesh_adds_nothing():
     """A standard deviation of zero leaves the field of the fit."""
     fit = fit_surface(cylinder(), GRID)
