@@ -462,7 +462,7 @@ def draw(rows: list[Row]):
     for panel, component in zip(panels, COMPONENTS):
         chosen = [r for r in rows if r.component == component]
         at = np.arange(len(chosen))
-        for low, high in ((63, 73), (92, 98)) if component != "normal" else ((93, 100),):
+        for low, high in ((62, 74), (92, 98)):
             panel.axvspan(low, high, color="#dcebd8")
         panel.plot([r.one for r in chosen], at, "o", color=OURS_COLOUR)
         panel.plot([r.two for r in chosen], at, "s", color=OURS_COLOUR)
