@@ -80,13 +80,13 @@ def test_an_exact_mesh_adds_nothing():
     assert_allclose(with_mesh_uncertainty(fit, MeshUncertainty(0.0, 1e-3)).height, fit.error_field.height, rtol=0)
 
 
-def coverage(mesh, grid, radius):
+def coverage(mesh, grid, radius, uv=UV):
     """Return errors of the height over sigma, for a body about z with a radius by height."""
     field = fit_surface(mesh, grid).error_field
-    x, y, z = field.surface.points(UV).T
+    x, y, z = field.surface.points(uv).T
     step = 1e-6
     lean = np.hypot(1, (radius(z + step) - radius(z - step)) / (2 * step))  # from along the ray to along the normal
-    return np.abs(np.hypot(x, y) - radius(z)) / lean / np.sqrt(field.at(UV)[0])
+    return np.abs(np.hypot(x, y) - radius(z)) / lean / np.sqrt(field.at(uv)[0])
 
 
 @pytest.mark.parametrize("net", [(10, 20), (20, 40)], ids=str)
@@ -117,5 +117,6 @@ def test_errors_near_a_pole_are_stated(lines):
     vertices = tube.vertices * (1, 1, 0) + np.column_stack(
         (*np.zeros((2, len(tube.vertices))), 0.1 * heights[np.rint(tube.vertices[:, 2] * 320).astype(int)])
     )
-    errors = coverage(TriangleMesh(vertices, tube.faces), TubeGrid(lines // 2, lines, Z_AXIS, 0.004, "uniform"), radius)
-    assert (errors < 2).mean() > 0.9 and errors.max() < 3
+    grid = TubeGrid(lines // 2, lines, Z_AXIS, 0.004, "uniform")
+    errors = coverage(TriangleMesh(vertices, tube.faces), grid, radius, UV * (0.06, 1))
+    assert (errors < 2.2).mean() > 0.95
