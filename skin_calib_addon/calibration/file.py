@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterable
+from dataclasses import asdict
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,6 +12,7 @@ from ..common.atomic_file import write_bytes_safely
 from ..common.encoding import checksum, encode
 from ..common.errors import CalibrationFormatError
 from ..common.findings import Finding, in_short
+from ..common.mesh_uncertainty import MeshUncertainty
 from ..common.schema_check import check
 from ..common.strict_json import parse, read
 from ..common.surface_errors import DistanceStatistics, SurfaceErrors
@@ -113,7 +115,7 @@ def to_document(calibration: LinkCalibration) -> Document:
     CalibrationFormatError
         If the calibration contains NaN, a Python object, or a free member whose name does not begin with ``x_``.
     """
-    name = f"the calibration of '{calibration.link}'"
+    name, stated = f"the calibration of '{calibration.link}'", calibration.mesh.uncertainty
     document = {
         "format": FORMAT,
         "version": CALIBRATION_VERSION,
@@ -125,6 +127,7 @@ def to_document(calibration: LinkCalibration) -> Document:
             "sha256": calibration.mesh.sha256,
             "vertices": int(calibration.mesh.vertices),
             "faces": int(calibration.mesh.faces),
+            **({"uncertainty": asdict(stated)} if stated else {}),
         },
         "surfaces": [_surface_document(surface) for surface in calibration.surfaces],
         "patches": [_patch_document(patch) for patch in calibration.patches],
@@ -145,9 +148,10 @@ def to_document(calibration: LinkCalibration) -> Document:
 def from_document(document: Document) -> LinkCalibration:
     """Convert a document without errors (see `validate`) to a calibration."""
     mesh = document["mesh"]
+    stated = MeshUncertainty(**mesh["uncertainty"]) if "uncertainty" in mesh else None
     return LinkCalibration(
         link=document["link"],
-        mesh=MeshSource(mesh["file"], mesh["sha256"], int(mesh["vertices"]), int(mesh["faces"])),
+        mesh=MeshSource(mesh["file"], mesh["sha256"], int(mesh["vertices"]), int(mesh["faces"]), stated),
         surfaces=tuple(_surface(surface) for surface in document["surfaces"]),
         patches=tuple(_patch(patch) for patch in document["patches"]),
         response=response_from(document["response"]),

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..common.arrays import Array, IntArray, cross, freeze
+from ..common.mesh_uncertainty import MeshUncertainty
 from ..common.surface_errors import SurfaceErrors
 from ..common.warnings import Warning
 from .modality import Modality
@@ -25,6 +26,7 @@ class MeshSource:
     sha256: str
     vertices: int
     faces: int
+    uncertainty: MeshUncertainty | None = None  # of the part from the mesh, which `sigma` contains; None: not stated
 
 
 @dataclass(frozen=True, eq=False)

@@ -159,7 +159,8 @@ def calibrate(
         patches = tuple(done.patch for done in placed)
     with stage("errors"):
         surfaces = tuple(surface_model(surface, fits[surface.name]) for surface in plan.surfaces)
-    source = MeshSource(plan.mesh.name, mesh.sha256, len(mesh.vertices), len(mesh.faces))
+    counts = len(mesh.vertices), len(mesh.faces)
+    source = MeshSource(plan.mesh.name, mesh.sha256, *counts, plan.mesh_uncertainty)
     calibration = LinkCalibration(
         plan.link,
         source,

@@ -92,7 +92,9 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = 
         patches = with_neighbours_across(patches)
     if draft is None or draft.sigma:
         patches = tuple(
-            (with_sigma if draft is None else draft_sigma)(patch, skin, fits[patch.surface], done.sheet)
+            (with_sigma if draft is None else draft_sigma)(
+                patch, skin, fits[patch.surface], done.sheet, plan.mesh_uncertainty
+            )
             for done, patch, skin in zip(placed, patches, skins)
         )
     enabled, disabled = with_single_taxels(patches, [skin.taxels for skin in skins])

@@ -93,7 +93,7 @@ def _with_registration(plan: Plan, result: Calibrated, placed: Sequence[PlacedSk
                 direction = registration_of(skin, patch, done.sheet).direction
             anchor = _triple(link_point(patch, motion.middle))
             skin = replace(skin, registration=Mounting(origin, direction, anchor))
-            patch = with_sigma(patch, skin, result.fits[patch.surface], done.sheet)
+            patch = with_sigma(patch, skin, result.fits[patch.surface], done.sheet, plan.mesh_uncertainty)
         skins.append(skin)
         patches.append(patch)
     return Refined(replace(plan, skins=tuple(skins)), replace(result.calibration, patches=tuple(patches)), found)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..calibration.model import LinkCalibration, Patch, TaxelArray, neighbour_rows
+from ..calibration.model import LinkCalibration, MeshSource, Patch, TaxelArray, neighbour_rows
 from ..calibration.response import AnyResponse, ResponseTable
 from ..calibration.robot_set import RobotSet
 from ..common.arrays import Array
@@ -36,7 +36,7 @@ def summary(result: Calibrated, path: Path) -> str:
     return "\n".join(
         (
             f"link             {result.calibration.link}",
-            f"mesh             {mesh.file}: {mesh.faces} faces; cover {len(result.cover.faces)} faces",
+            f"mesh             {mesh.file}: {mesh.faces} faces; cover {len(result.cover.faces)} faces{_off(mesh)}",
             *(line for name in result.fits for line in _surface_summary(result, name)),
             f"taxels           {result.taxels} in {len(result.calibration.patches)} patches",
             *(line for placed in result.placed for line in _patch_summary(placed)),
@@ -44,6 +44,15 @@ def summary(result: Calibrated, path: Path) -> str:
             f"calibration      {path}",
         )
     )
+
+
+def _off(mesh: MeshSource) -> str:
+    """Describe the deviation of the part from its mesh, which the uncertainties contain; empty if none is stated."""
+    stated = mesh.uncertainty
+    if stated is None:
+        return ""
+    deviation, length = stated.standard_deviation * 1e3, stated.correlation_length * 1e3
+    return f"; part deviates by {deviation:.3g} mm, correlated over {length:.3g} mm"
 
 
 def _surface_summary(result: Calibrated, name: str) -> Iterator[str]:
@@ -229,7 +238,7 @@ def table(calibration: LinkCalibration) -> str:
     own = f"; {len(responses)} more for single taxels" if responses else ""
     lines = [
         f"link      {calibration.link}",
-        f"mesh      {mesh.file}: {mesh.vertices} vertices, {mesh.faces} faces",
+        f"mesh      {mesh.file}: {mesh.vertices} vertices, {mesh.faces} faces{_off(mesh)}",
         f"by        {calibration.generator}",
         f"response  {_response(calibration.response)}{own}",
     ]

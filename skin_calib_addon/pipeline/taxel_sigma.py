@@ -9,7 +9,9 @@ from scipy.spatial import cKDTree
 from ..calibration.model import Patch, Registration
 from ..common.arrays import Array, BoolArray
 from ..common.errors import InvalidPlan, counted, listed, millimetres
+from ..common.mesh_uncertainty import MeshUncertainty
 from ..common.warnings import Place, Warning, point_of
+from ..geometry.fit.mesh_uncertainty import with_mesh_uncertainty
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..plan.skins import ImportedSkin, Mounting, SheetSkin, Skin
 from ..skin.sheet.landmarks import MAX_POINT_DISTANCE
@@ -35,20 +37,29 @@ SAME_NORMAL = 1e-9
 MAX_DRAFT_TAXELS = 600
 
 
-def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | None, may_fold: bool = True) -> Patch:
+def with_sigma(
+    patch: Patch,
+    skin: Skin,
+    fit: SurfaceFit,
+    sheet: WrappedSheet | None,
+    mesh: MeshUncertainty,
+    may_fold: bool = True,
+) -> Patch:
     """Return a patch with the standard uncertainty of each taxel, and the registration that it assumes."""
     registration = registration_of(skin, patch, sheet)
-    taxels, field = patch.taxels, fit.error_field
+    taxels, field = patch.taxels, with_mesh_uncertainty(fit, mesh)
+    of_part = mesh.variance * np.eye(2)  # along the surface
     if isinstance(skin, ImportedSkin):  # it keeps the positions of a file
         along, height, tilt = moved_rigidly(taxels, registration)
-        uncertainty = taxel_uncertainty(taxels, field, along, None if skin.snap else height, tilt)
+        of_file = None if skin.snap else height + mesh.variance
+        uncertainty = taxel_uncertainty(taxels, field, along + of_part, of_file, tilt)
         upright = field.surface.normals(taxels.uv)
         of_boards = np.abs(taxels.normals_link - upright).max(axis=1) > SAME_NORMAL  # they turn with the frame only
-        uncertainty.angle[of_boards] = tilt * np.eye(2)
+        uncertainty.angle[of_boards] = (tilt + mesh.slope) * np.eye(2)
     else:
         arms = flat_places(patch, taxels.index) - flat_point(patch, np.array(registration.anchor))
         along = moved_within(arms, registration, usual_curvature(field.surface, taxels.uv))
-        uncertainty = taxel_uncertainty(taxels, field, along)
+        uncertainty = taxel_uncertainty(taxels, field, along + of_part)
     sigma = uncertainty.sigma
     sigma[~fit.is_trusted(taxels.uv)] = np.nan  # over a hole, which has its own warning
     for _, unknown in _unknown(patch, fit, may_fold):
@@ -57,15 +68,15 @@ def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | 
     return replace(patch, taxels=replace(taxels, sigma=sigma), registration=registration)
 
 
-def draft_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | None) -> Patch:
+def draft_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | None, mesh: MeshUncertainty) -> Patch:
     """Return the same for a preview: of many taxels, each has the uncertainty of the nearest one of a part of them."""
     taxels = patch.taxels
     stride = int(np.ceil(np.sqrt(len(taxels.ids) / MAX_DRAFT_TAXELS)))
     some = (taxels.index % stride == stride // 2).all(axis=1)
     if stride == 1 or not some.any():
-        return with_sigma(patch, skin, fit, sheet, may_fold=False)
+        return with_sigma(patch, skin, fit, sheet, mesh, may_fold=False)
     part = chosen_taxels(taxels, some)
-    found = with_sigma(replace(patch, taxels=part), skin, fit, sheet, may_fold=False)
+    found = with_sigma(replace(patch, taxels=part), skin, fit, sheet, mesh, may_fold=False)
     nearest = cKDTree(part.index).query(taxels.index)[1]
     sigma = found.taxels.known_sigma[nearest]
     return replace(patch, taxels=replace(taxels, sigma=sigma), registration=found.registration)

@@ -9,6 +9,7 @@ from ..calibration.modality import UNITS, Modality
 from ..calibration.model import MAX_CHANNEL
 from ..calibration.response import Response
 from ..calibration.validate import SCHEMA
+from ..common.mesh_uncertainty import CORRELATION_LENGTH, MESH_DEVIATION, MeshUncertainty
 from ..geometry.fit.diagnosis import MAX_DEVIATION
 from ..geometry.grid.axis import Axis
 from ..geometry.grid.grids import Across, Grid, PlanesGrid, Sector, Size, Tolerance, Tube
@@ -31,6 +32,7 @@ from .skins import GAP, SIDE, BoardSkin, Frame, ImportedSkin, Mounting, SheetSki
 
 FORMAT = "skin-plan"
 PLAN_VERSION = 2  # Format: newest version of plan files
+MIN_CORRELATION_LENGTH = 1e-4  # [m] of a deviation of the mesh. Smaller: one in kilometres is accepted.
 FARTHEST = 1_000_000  # [m] from the origin of the link frame; [m] of a margin
 
 
@@ -827,6 +829,40 @@ UNIT = Key(
     "Unit of the numbers in the mesh file.",
     label="",
 )
+MESH_ERROR = Record(
+    "mesh_uncertainty",
+    "Mesh uncertainty",
+    MeshUncertainty,
+    (
+        Key(
+            "standard_deviation",
+            length(minimum=0, maximum=MAX_ORIGIN_UNCERTAINTY),
+            "Standard deviation of the part from its mesh, in any direction; of a scan, of its noise.",
+            default=MESH_DEVIATION,
+            label="Mesh Deviation",
+            blender="mesh_deviation",
+            always=True,
+        ),
+        Key(
+            "correlation_length",
+            length(minimum=MIN_CORRELATION_LENGTH, maximum=FARTHEST),
+            "Distance over which the deviation changes: at this distance, the correlation of two points is 1 / e.",
+            default=CORRELATION_LENGTH,
+            blender="mesh_correlation",
+            joined=True,
+            always=True,
+        ),
+    ),
+)
+MESH_UNCERTAINTY = Key(
+    "mesh_uncertainty",
+    one(MESH_ERROR),
+    "How far the part is from its mesh; the uncertainty of the taxels follows.",
+    default=MeshUncertainty(),
+    otherwise="0.2 mm and 50 mm, as of a printed or moulded cover",
+    switch=Switch("auto_mesh_uncertainty", "Standard Part"),
+    panel="Grid",
+)
 SKINS_KEY = Key("skins", SKINS, "The skins on the link.", panel="Skin")
 RESPONSE_KEY = Key(
     "response", RESPONSE, "Force of a reading in newtons.", default=Response(), otherwise="readings are newtons"
@@ -856,6 +892,7 @@ PLAN = Record(
         MAX_DEVIATION_KEY,
         RESPONSE_KEY,
         MODALITIES,
+        MESH_UNCERTAINTY,
     ),
     {"surface": Surface},
 )
@@ -878,6 +915,7 @@ PLAN_OF_SURFACES = Record(
         SKINS_KEY,
         RESPONSE_KEY,
         MODALITIES,
+        MESH_UNCERTAINTY,
     ),
 )
 PLANS: Mapping[int, Record] = {1: PLAN, 2: PLAN_OF_SURFACES}  # by version
@@ -901,6 +939,7 @@ RECORDS: tuple[Record, ...] = (
     FRAME,
     IMPORTED,
     MOUNTING,
+    MESH_ERROR,
     MODALITY,
     SURFACE,
 )

@@ -7,6 +7,7 @@ from typing import Any
 
 from ..calibration.modality import Modality
 from ..calibration.response import AnyResponse, Response
+from ..common.mesh_uncertainty import MeshUncertainty
 from ..common.warnings import Warning
 from ..geometry.fit.diagnosis import MAX_DEVIATION
 from ..geometry.grid.grids import Grid, PlanesGrid
@@ -42,6 +43,7 @@ class Plan:
     response: AnyResponse = Response()
     extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, kept as they came
     modalities: tuple[Modality, ...] = ()  # further quantities that taxels measure
+    mesh_uncertainty: MeshUncertainty = MeshUncertainty()  # of the part from its mesh
     warnings: tuple[Warning, ...] = ()  # about the scene that it was read from; a plan file has none
 
     @property

@@ -55,7 +55,8 @@ class TaxelUncertainty:
         angle = np.full(len(along), np.nan)
         known = np.isfinite(self.angle).all(axis=(1, 2))
         angle[known] = np.sqrt(np.maximum(np.linalg.eigvalsh(self.angle[known])[:, -1], 0))
-        return np.column_stack((along, np.sqrt(np.maximum(self.normal, 0)), angle))
+        # Slopes between near sites have no limit; angles have.
+        return np.column_stack((along, np.sqrt(np.maximum(self.normal, 0)), np.minimum(angle, np.pi)))
 
 
 def moved_within(arms: Array, registration: Registration, curvature: float = 0.0) -> Array:

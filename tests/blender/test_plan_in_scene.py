@@ -26,6 +26,7 @@ MODALITIES = [
     },
     {"name": "temperature", "unit": "degC", "response": {"kind": "polynomial", "coefficients": [-40.0, 0.05]}},
 ]
+SCAN = {"standard_deviation": 0.0003, "correlation_length": 0.008}
 CHANGES = {
     "as it is": {},
     "paper's m": {"grid": {"kind": "tube", "n": 5, "m": 6, "axis": AXIS}},
@@ -38,7 +39,7 @@ CHANGES = {
     },
     "across": {"grid": {"kind": "patch", "n": 6, "lines": 5, "normal": [0, -1, 0], "margin": 0.02}, "skins": []},
     "planes": {"grid": {"kind": "planes", "u": ACROSS, "v": ALONG, "closed": True}, "skins": SLANTED},
-    "cut": {"cover": {"shell": "all", "cuts": [CUT]}, "chords": True, "degree": [2, 4]},
+    "cut": {"cover": {"shell": "all", "cuts": [CUT]}, "chords": True, "degree": [2, 4], "mesh_uncertainty": SCAN},
     "response": {"response": {"kind": "polynomial", "coefficients": [0.0, 0.02, 5e-05]}, "x_by": {"who": "前腕"}},
     "table": {"response": {"kind": "table", "readings": [0, 100.5, 250], "forces": [0, 1.0000000001, 16]}},
     "range": {"response": {"kind": "polynomial", "coefficients": [0.0, 0.0200000001], "range": [0, 250]}},

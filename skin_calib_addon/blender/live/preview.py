@@ -105,11 +105,12 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     judged = "TILT" in given.shown, "UNCERTAINTY" in given.shown
     is_fine = len(mesh.faces) > COARSE_FACES  # also where cuts move: then the fit is to a mesh of about as many
     draft = Draft(cache.placed, *judged, on_facets=is_fine)
+    stated = *judged, plan.mesh_uncertainty
 
     def placed_on(coarse: bool, moving: set[str]) -> tuple[dict[str, SurfaceFit], tuple[PlacedSkin, ...], bool]:
         found = {s.name: _fit(cache, mesh, plan, s, coarse, s.name in moving) for s in plan.surfaces}
         fits = {name: fit for name, (fit, _) in found.items()}
-        placed = cache.step("placed", (fits, skins, judged), lambda: place_all(plan, fits, draft))
+        placed = cache.step("placed", (fits, skins, stated), lambda: place_all(plan, fits, draft))
         return fits, placed, coarse or any(moved for _, moved in found.values())
 
     sizes = [surface.grid.size for surface in plan.surfaces if isinstance(surface.grid, Grid)]

@@ -21,7 +21,7 @@ from ...plan.document import grid_kind, without_axis_point
 from ...plan.document import read as read_document
 from ...plan.document import write as write_document
 from ...plan.key import Key, Record
-from ...plan.keys import COVER, GRIDS, LINK, SURFACE
+from ...plan.keys import COVER, GRIDS, LINK, MESH_UNCERTAINTY, SURFACE
 from ...plan.plan import Surface
 from .face_groups import empty_groups
 from .fields import OWN, read, read_key, write, write_key
@@ -46,6 +46,7 @@ def read_plan(link: bpy.types.Object, scene: bpy.types.Scene) -> Plan:
             skins=tuple(read_skin(skin, metre) for skin in settings.skins),
             response=_read_response(settings, extra.pop("response", None)),
             modalities=tuple(modality_from(modality) for modality in extra.pop("modalities", ())),
+            mesh_uncertainty=read_key(MESH_UNCERTAINTY, settings, metre),
             extra=extra,
         )
         check_together(plan)
@@ -67,6 +68,7 @@ def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, plan: Plan) -> No
     """
     settings, metre = link.skin_calib, metres_per_unit(scene)
     write_key(LINK, settings, plan.link, metre)
+    write_key(MESH_UNCERTAINTY, settings, plan.mesh_uncertainty, metre)
     settings.mesh_file = plan.mesh.name
     write_surfaces(settings, plan.surfaces, 0, metre)
     settings.skins.clear()

@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from ...common.arrays import Array, BoolArray, IntArray, cross, unit
 from ..mesh.corners import undivided
 from ..mesh.defects import coherent
+from ..mesh.distance import closest
 from ..mesh.triangle_mesh import TriangleMesh, at_rims
 from ..sampling.basis import TensorBasis
 from ..sampling.samples import MIN_FACET_COSINE, RaySamples
@@ -25,6 +26,9 @@ MAX_CORNER_ANGLE = MAX_CHORD_ANGLE / 2
 # [1] fraction of this angle up to which a facet has its whole gap. Smaller: fewer facets have their whole gap; 1: a gap
 # begins suddenly.
 WHOLE_GAP_FRACTION = 0.75
+# [rad] these angles between which a gap that is left out is less and less uncertain: from there on the edge is meant to
+# be sharp. Larger: taxels on prisms are less certain.
+UNCERTAIN_ANGLES = MAX_CORNER_ANGLE, 2 * MAX_CORNER_ANGLE
 # [1] largest ratio of the curvature along an edge to that at its flatter end. Larger: gaps on flat parts next to
 # fillets; 2: gaps are too small where the curvature changes.
 MAX_END_RATIO = 4.0
@@ -35,6 +39,9 @@ NEXT_RATIOS = 2.0, 4.0
 # [1] least fraction of the samples that remains when the unknowns of a fit are subtracted. Larger: smaller
 # uncertainties of fits with hardly more samples than unknowns.
 MIN_FREEDOM = 0.1
+# [1] largest ratio of a distance to the mesh to the standard deviation from the sites around it. Larger: errors between
+# sites are stated too small.
+MAX_ERROR_RATIO = 2.0
 
 
 NEXT, PREVIOUS = [1, 2, 0], [2, 0, 1]  # Format: corners of a face, by corner
@@ -59,8 +66,8 @@ def vertex_normals(vertices: Array, faces: IntArray) -> Array:
     return unit(np.stack(sums, axis=1))
 
 
-def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
-    r"""Return the height of the smooth surface through the vertices over points of the facets.
+def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> tuple[Array, Array]:
+    r"""Return the height of the smooth surface through the vertices over points of the facets, and its uncertainty [m].
 
     The curvature along an edge follows from the normals of its ends and of the face. A point with the barycentric
     coordinates :math:`b` has the gap
@@ -76,6 +83,14 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
     two fillets bends at both ends, but the surface bends much more next to it; its halves are zero, too. A corner at an
     open rim has no reliable normal; the other end of its edges counts for both. A facet with a corner on an edge that
     is meant to be sharp has no gap.
+
+    The uncertainty :math:`d` has the same form, with three parts of :math:`s_{ij}`: the difference of both halves, the
+    bend that is left out because an edge can be sharp or a coarse curve, and, for the terms of higher order, the bend
+    times a quarter of the square of the angle :math:`\alpha` between facet and corner:
+
+    .. math::
+
+        d_{ij} = |s_i - s_j| + |s_{ij} - s_{ij}'| + \tfrac{1}{4} \alpha^2\, |s_{ij}|
     """
     bends_at = _vertex_bends(mesh)
     face, which = np.unique(bends_at.parent[faces], return_inverse=True)
@@ -89,13 +104,19 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
     smooth = _continues(mesh.vertices, bends_at, corners, turned)
     start, end = start * smooth, end * smooth[:, NEXT]
     start, end = np.where(rim & ~rim[:, NEXT], end, start), np.where(rim[:, NEXT] & ~rim, start, end)
-    most = MAX_END_RATIO * np.minimum(np.abs(start), np.abs(end))
-    bends = np.where(start * end > 0, np.clip(start + end, -most, most), 0.0)
+    least = np.minimum(np.abs(start), np.abs(end))
+    most, at_end = MAX_END_RATIO * least, (MAX_END_RATIO - 1) * least
+    whole = np.where(start * end > 0, np.clip(start + end, -most, most), 0.0)
     angles = 2 * np.arcsin(np.minimum(np.sqrt(np.einsum("fkc,fkc->fk", turned, turned).max(axis=1)) / 2, 1))
-    bends *= np.clip((1 - angles / MAX_CORNER_ANGLE) / (1 - WHOLE_GAP_FRACTION), 0, 1)[:, None]
+    bends = whole * np.clip((1 - angles / MAX_CORNER_ANGLE) / (1 - WHOLE_GAP_FRACTION), 0, 1)[:, None]
     bends[bends_at.sharp[corners].any(axis=1)] = 0.0
+    low, high = UNCERTAIN_ANGLES
+    unsure = np.abs(whole - bends) * np.clip((high - angles) / (high - low), 0, 1)[:, None]
+    unsure += np.abs(np.clip(start, -at_end, at_end) - np.clip(end, -at_end, at_end))
+    unsure += np.abs(bends) * angles[:, None] ** 2 / 4
     weights = barycentric(mesh.vertices[corners][which], points)
-    return np.einsum("nk,nk,nk->n", weights, weights[:, NEXT], bends[which]) / 2
+    gaps, of_gaps = (np.einsum("nk,nk,nk->n", weights, weights[:, NEXT], s[which]) / 2 for s in (bends, unsure))
+    return gaps, of_gaps
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,9 +216,16 @@ class ErrorField:
     surface: BSplineSurface  # with the parameters of the fit, through the vertices instead of along the facets
     height: Array  # (k, l) variance of the height of the true surface over this one, at each sample site [m^2]
     slopes: Array  # (k, l, 2) variance of the slope of this height along u and along v [1]
+    rest: Array  # (k, l) mean square of the residuals that the net cannot follow [m^2]
+    spacing: Array  # (k, l, 2) distance of adjacent sites along u and along v [m]
+    mesh: TriangleMesh | None  # with normals to one side; None: its vertices are noisy
 
     def at(self, uv: Array) -> tuple[Array, Array]:
-        """Return the variances of the height (m,) [m^2] and of its slopes (m, 2) [1] at parameters (m, 2)."""
+        """Return the variances of the height (m,) [m^2] and of its slopes (m, 2) [1] at parameters (m, 2).
+
+        A distance to the mesh, without its gap, of more than two standard deviations replaces them: sites can miss
+        errors on small fillets and near poles.
+        """
         k, l = self.height.shape
         closed = self.surface.closed[1]
         u, v = np.clip(self.surface.wrap(uv), 0, 1).T
@@ -206,7 +234,14 @@ class ErrorField:
         if closed:
             fields = np.concatenate((fields, fields[:, :1]), axis=1)
         values = np.stack([map_coordinates(fields[..., c], site, order=1, mode="nearest") for c in range(3)], axis=1)
-        return values[:, 0], values[:, 1:]
+        height, slopes = values[:, 0], values[:, 1:]
+        if self.mesh is not None:
+            points = self.surface.points(uv)
+            _, faces, nearest = closest(self.mesh, points)
+            above = np.einsum("mc,mc->m", points - nearest, self.mesh.face_normals[faces])
+            square = (above - facet_gaps(self.mesh, faces, nearest)[0]) ** 2
+            height = np.where(square > MAX_ERROR_RATIO**2 * height, square, height)
+        return height, slopes
 
 
 def error_field(
@@ -224,7 +259,7 @@ def error_field(
     A residual is a distance to a facet, which is a chord. The distance to the true surface along the ray adds the gap
     :math:`g` of the facet. The least squares divide this error :math:`e + g` into a part that the net can follow, which
     the returned surface removes, and a rest, which the net cannot follow. The mean square of the rest over one span on
-    either side is the variance, with its differences for the slope.
+    either side is the variance, with its differences for the slope. The uncertainty of the gaps adds likewise.
 
     Over a noisy scan the rest is the noise, which the surface averages. Each sample is a mean of the vertices of its
     face, with the weights :math:`b`. A vertex has the sum :math:`w` of its weights in all samples. With the noise
@@ -243,7 +278,7 @@ def error_field(
     cosine = np.maximum(np.abs(slope), MIN_FACET_COSINE)
     faces, points = samples.faces[known], samples.points[known]
 
-    def rest(errors: Array) -> tuple[Array, Array]:
+    def rest_of(errors: Array) -> tuple[Array, Array]:
         step = basis.solve(errors, np.zeros_like(offsets))
         return step, errors - basis.N @ step @ basis.B.T
 
@@ -252,17 +287,14 @@ def error_field(
         field[known] = gaps / cosine[known]
         return field
 
-    step, error = rest(
-        (samples.residuals if converged else 0)
-        + along_rays(facet_gaps(mesh, faces, points) * np.sign(slope[known]), cosine)
-    )
+    gaps, unsure = facet_gaps(mesh, faces, points)
+    step, error = rest_of((samples.residuals if converged else 0) + along_rays(gaps * np.sign(slope[known]), cosine))
     if not converged:  # a fit that oscillates stays as it is
         error = error + samples.residuals
     unknowns, tangents = offsets.size, site_tangents(samples.origins + samples.arms, basis.is_closed)
     spacing = np.linalg.norm(tangents, axis=3)
-    areas = spacing.prod(axis=2)
     if noise > 0 or looks_noisy(mesh, samples, 0.0, unknowns):
-        _, plain = rest(samples.residuals)
+        _, plain = rest_of(samples.residuals)
         if np.nansum(plain**2) <= np.nansum(error**2):  # gaps do not explain the residuals: they are noise
             uv = np.argwhere(known) / (len(known) - 1, known.shape[1] - (not basis.is_closed))
             triangles = mesh.triangles[faces]
@@ -279,12 +311,23 @@ def error_field(
             height, *slopes = (noise**2 * repeats * part for part in basis.leverages(stiffness))
             if stiffness:  # what a second smoothing of the residuals would add is an estimate of the bias (Tukey, 1977)
                 more = basis.solve(samples.residuals, np.zeros_like(offsets), stiffness)
-                height = height + _local_mean((basis.N @ more @ basis.B.T) ** 2, basis, areas)
-            return ErrorField(surface_of(offsets + step), height * cosine**2, np.stack(slopes, axis=2) / spacing**2)
-    heights = error * cosine
-    steps = (_differences(heights, axis, basis.is_closed) / spacing[..., axis] for axis in (0, 1))
-    height, *slopes = (_local_mean(part**2, basis, areas) for part in (heights, *steps))
-    return ErrorField(surface_of(offsets + step), height, np.stack(slopes, axis=2))
+                height = height + _local_mean((basis.N @ more @ basis.B.T) ** 2, basis)
+            steepness, left = np.stack(slopes, axis=2) / spacing**2, _local_mean((plain * cosine) ** 2, basis)
+            return ErrorField(surface_of(offsets + step), height * cosine**2, steepness, left, spacing, None)
+    heights, of_gaps = error * cosine, along_rays(unsure, np.ones_like(cosine))
+    followed = of_gaps - rest_of(of_gaps)[1]  # the slopes of a smooth surface do not jump between facets
+    left, of_gaps = (
+        np.stack([_local_mean(part**2, basis) for part in (rise, *slopes_of(smooth, spacing, basis.is_closed))])
+        for rise, smooth in ((heights, heights), (of_gaps, followed))
+    )
+    height, by_u, by_v = left + of_gaps
+    return ErrorField(surface_of(offsets + step), height, np.stack((by_u, by_v), axis=2), left[0], spacing, mesh)
+
+
+def slopes_of(heights: Array, spacing: Array, closed: bool) -> tuple[Array, Array]:
+    """Return the slopes of heights (k, l) at sites along u and along v."""
+    along_u, along_v = (_differences(heights, axis, closed) / spacing[..., axis] for axis in (0, 1))
+    return along_u, along_v
 
 
 def _differences(values: Array, axis: int, closed: bool) -> Array:
@@ -297,10 +340,9 @@ def _differences(values: Array, axis: int, closed: bool) -> Array:
     return steps
 
 
-def _local_mean(values: Array, basis: TensorBasis, areas: Array) -> Array:
-    """Return the mean over the area of the values that are not NaN, over one span on either side, shape (k, l)."""
-    weight = np.where(np.isnan(values), 0.0, areas)
-    total = np.where(np.isnan(values), 0.0, values) * areas
+def _local_mean(values: Array, basis: TensorBasis) -> Array:
+    """Return the mean of the values that are not NaN, over the sites of one span on either side, shape (k, l)."""
+    weight, total = (~np.isnan(values)).astype(float), np.nan_to_num(values)
     for axis, (count, closed) in enumerate(zip(basis.spans_by_axis, (False, basis.is_closed))):
         sites = values.shape[axis]
         width = min(2 * (sites // count) + 1, sites)

@@ -29,7 +29,8 @@ FITTED = {  # files of older versions that the program of then fitted to samples
 
 def numbers(calibration):
     """Return all data of a calibration as arrays by name; other values as JSON."""
-    found = {"words": _json(calibration.link, calibration.generator, calibration.mesh.__dict__, calibration.extra)}
+    mesh = {name: value for name, value in calibration.mesh.__dict__.items() if value is not None}
+    found = {"words": _json(calibration.link, calibration.generator, mesh, calibration.extra)}
     found |= {f"response {i}": a for i, r in enumerate(_responses(calibration)) for a in [_response(r)]}
     for surface in calibration.surfaces:
         errors = surface.errors

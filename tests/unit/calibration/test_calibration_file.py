@@ -29,6 +29,7 @@ from skin_calib_addon.common import atomic_file, strict_json
 from skin_calib_addon.common.atomic_file import write_bytes_safely
 from skin_calib_addon.common.encoding import checksum
 from skin_calib_addon.common.errors import CalibrationFormatError, OutputError
+from skin_calib_addon.common.mesh_uncertainty import MeshUncertainty
 from skin_calib_addon.common.warnings import Place, Warning
 from tests.samples import boards, sheet, small_calibration
 
@@ -150,9 +151,11 @@ def test_integers_and_floats_are_normalized():
 
 def test_numpy_numbers_are_written(tmp_path):
     """NumPy scalars are written as numbers."""
-    mesh = MeshSource("a.stl", "0" * 64, np.int64(5), np.int32(6))
+    mesh = MeshSource("a.stl", "0" * 64, np.int64(5), np.int32(6), MeshUncertainty(1e-4, 0.03))
     save_calibration(small_calibration(mesh=mesh), tmp_path / "c.json")
-    assert load_calibration(tmp_path / "c.json").mesh == MeshSource("a.stl", "0" * 64, 5, 6)
+    assert load_calibration(tmp_path / "c.json").mesh == MeshSource(
+        "a.stl", "0" * 64, 5, 6, MeshUncertainty(1e-4, 0.03)
+    )
 
 
 def test_checksum_ignores_layout():

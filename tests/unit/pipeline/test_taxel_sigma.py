@@ -11,6 +11,7 @@ from skin_calib_addon.calibration.exchange.table import write_table
 from skin_calib_addon.calibration.file import load_calibration, save_calibration
 from skin_calib_addon.calibration.model import Patch
 from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.common.mesh_uncertainty import MeshUncertainty
 from skin_calib_addon.geometry import CoverSpec, TubeGrid, fit_surface
 from skin_calib_addon.pipeline import calibrate, taxel_sigma
 from skin_calib_addon.pipeline.taxel_sigma import draft_sigma, unknown_sigma, with_sigma
@@ -38,12 +39,14 @@ SHEET = {
 
 
 MESH, FITS = cylinder(), {}
+EXACT = MeshUncertainty(0.0)
 
 
-def made(skin, tmp_path, mesh=MESH):
+def made(skin, tmp_path, mesh=MESH, part=EXACT):
     """What a plan with one skin gives on a tube of 35 mm, which is fitted once."""
     grid = TubeGrid(6, 16, Z_AXIS, 1e-3, "uniform")
     plan = Plan("tube", tmp_path / "tube.stl", "m", (Surface(CoverSpec(), grid),), skins_from([skin]))
+    plan = replace(plan, mesh_uncertainty=part)
     result = calibrate(plan, mesh, known=FITS if mesh is MESH else None)
     FITS.update(result.fits if mesh is MESH else {})
     return result
@@ -113,12 +116,27 @@ def test_taxels_of_imported_boards_turn_with_the_frame_only():
     for snap in (False, True):
         taxels = imported_taxels(taxel_set(positions, boards=board), fit.error_field.surface, "i", snap=snap).taxels
         patch = Patch("i", "imported", "tube", (1, len(taxels.ids)), (0.0065, 0.0065), taxels)
-        _, height[snap], bent[snap] = with_sigma(patch, replace(skin, snap=snap), fit, None).taxels.sigma.T
+        _, height[snap], bent[snap] = with_sigma(patch, replace(skin, snap=snap), fit, None, EXACT).taxels.sigma.T
     assert_allclose(bent[False], np.deg2rad(1.0), rtol=1e-9)
     assert (bent[True] > np.hypot(np.deg2rad(1.0), 0.9e-3 / RADIUS)).all()
     # The frame of the file moves its taxels along the normal, too; those that snap are as near as the surface.
     assert (height[False] > 0.99e-3).all()
     assert_allclose(height[True] ** 2, fit.error_field.at(taxels.uv)[0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["sheet", "imported", "snapped"])
+def test_deviation_of_the_part_adds_in_all_components(kind, tmp_path):
+    """Squares of sigma grow by s^2 along and normal, and of the angle by 2 s^2 / L^2 or more; the file states both."""
+    skin, part = SHEET, MeshUncertainty(3e-4, 0.04)
+    if kind != "sheet":
+        (tmp_path / "c.csv").write_bytes(write_table(made(SHEET, tmp_path).calibration))
+        skin = {"name": "i", "kind": "imported", "file": str(tmp_path / "c.csv"), "snap": kind == "snapped"}
+    exact, deviating = (made(skin, tmp_path, part=of).calibration for of in (EXACT, part))
+    assert deviating.mesh.uncertainty == part
+    before, after = (each.patches[0].taxels.sigma ** 2 for each in (exact, deviating))
+    assert_allclose((after - before)[:, :2], part.variance, rtol=1e-3)
+    assert (after[:, 2] > before[:, 2] + 0.99 * part.slope).all()
+    assert (after[:, 2] < before[:, 2] + part.slope + 1.1 * part.variance / RADIUS**2).all()  # moved along, it turns
 
 
 def test_nothing_is_stated_over_a_hole_or_for_a_strained_cell(tmp_path):
@@ -141,7 +159,7 @@ def test_nothing_is_stated_over_a_hole_or_for_a_strained_cell(tmp_path):
     quality = placed.patch.taxels.quality | {"strain": strain}
     strained = replace(placed.patch, taxels=replace(placed.patch.taxels, quality=quality))
     skin = skins_from([SHEET])[0]
-    stated = with_sigma(strained, skin, whole.fit, placed.sheet)
+    stated = with_sigma(strained, skin, whole.fit, placed.sheet, EXACT)
     assert np.flatnonzero(np.isnan(stated.taxels.sigma).any(axis=1)).tolist() == [5]
     (warning,) = unknown_sigma(stated, whole.fit)
     assert warning.code == "no-uncertainty" and warning.where.taxels == (stated.taxels.ids[5],)
@@ -164,12 +182,12 @@ def test_draft_of_many_taxels_has_the_uncertainty_of_near_ones(trim, tmp_path, m
         taxel_sigma, "taxel_uncertainty", lambda *a, real=taxel_uncertainty: rows.append(len(a[0].ids)) or real(*a)
     )
     bare = replace(exact, taxels=replace(exact.taxels, sigma=np.empty((0, 3))), registration=None)
-    draft = draft_sigma(bare, skin, result.fit, placed.sheet)
+    draft = draft_sigma(bare, skin, result.fit, placed.sheet, EXACT)
     assert trim == (len(exact.taxels.ids) < 1200) and 0 < rows[0] <= 1.2 * taxel_sigma.MAX_DRAFT_TAXELS
     assert draft.registration == exact.registration
     assert_allclose(draft.taxels.sigma[:, 0], exact.taxels.sigma[:, 0], rtol=0.1)
     few = replace(bare, taxels=chosen_taxels(bare.taxels, bare.taxels.index[:, 0] < 4))
     assert_allclose(
-        draft_sigma(few, skin, result.fit, placed.sheet).taxels.sigma,
-        with_sigma(few, skin, result.fit, placed.sheet).taxels.sigma,
+        draft_sigma(few, skin, result.fit, placed.sheet, EXACT).taxels.sigma,
+        with_sigma(few, skin, result.fit, placed.sheet, EXACT).taxels.sigma,
     )

@@ -141,6 +141,9 @@ documents = st.fixed_dictionaries(
             {}, optional={"shell": st.sampled_from(["outer", "all"]), "cuts": st.lists(planes, max_size=2)}
         ),
         "degree": st.lists(st.integers(2, 5), min_size=2, max_size=2),
+        "mesh_uncertainty": st.fixed_dictionaries(
+            {}, optional={"standard_deviation": st.floats(0, 0.1), "correlation_length": st.floats(1e-4, 10)}
+        ),
         "response": st.just(TABLE)
         | st.fixed_dictionaries(
             {"kind": st.just("polynomial"), "coefficients": st.lists(numbers, min_size=1, max_size=4)}

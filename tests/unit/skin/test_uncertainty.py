@@ -39,6 +39,7 @@ def test_variances_that_rounding_makes_negative_are_zero():
     """A nearly exact fit has variances of 1e-25 m^2 with any sign; its taxels are the best known."""
     given = TaxelUncertainty(-1e-26 * np.eye(2)[None], np.array([-1.9e-25]), -1e-20 * np.eye(2)[None])
     assert given.sigma.tolist() == [[0.0, 0.0, 0.0]]
+    assert dataclasses.replace(given, angle=20 * np.eye(2)[None]).sigma[0, 2] == np.pi  # files refuse larger angles
     assert np.isnan(dataclasses.replace(given, normal=np.array([np.nan])).sigma[0, 1])
 
 
@@ -80,7 +81,7 @@ def test_one_sigma_covers_two_thirds_of_the_errors(stated):
     along, height, angle = errors_over_sigma(stated)
     assert covers(along) and covers(angle)
     assert (np.abs(height) < 2).mean() >= 0.93
-    assert 1 / 1.45 < np.sqrt((height**2).mean()) < 1.45
+    assert 1 / 1.7 < np.sqrt((height**2).mean()) < 1.45
 
 
 @pytest.mark.parametrize("axis", [0, 1], ids=["along u", "along v"])
