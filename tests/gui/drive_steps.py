@@ -107,7 +107,7 @@ def adds_a_sheet(gui):
 def moves_it(gui):
     """Its handle moves it over the link."""
     x, y = gui.at(ours("handles.skin_handles").basis_of(bpy.context, ("origin", 0, 0)).translation)
-    yield from gui.drag((x, y), (x + 40, y + 60), mods=())
+    yield from gui.drag((x, y), (x + 40, y + 40), mods=())
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the sheet elsewhere")
     assert not plan().skins[0].centred
     yield from gui.shot("4_moved.png", area="VIEW_3D")
