@@ -7,7 +7,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.spatial import cKDTree
 
-from ...common.arrays import Array, BoolArray, IntArray, cross, norms, pairs_of, unit
+from ...common.arrays import Array, BoolArray, IntArray, cross, distinct, norms, pairs_of, unit
 from ...common.errors import EmptySection
 from ...common.surface_errors import DistanceStatistics
 from ..mesh.distance import closest, dots
@@ -65,7 +65,7 @@ class VertexFeet:
     @classmethod
     def of(cls, mesh: TriangleMesh, surface: BSplineSurface) -> "VertexFeet":
         """Return those of the vertices that belong to faces."""
-        vertices = np.unique(mesh.faces)
+        vertices = distinct(mesh.faces)
         return cls(vertices, *near_footpoints(surface, mesh.vertices[vertices]))
 
 

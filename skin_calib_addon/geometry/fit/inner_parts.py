@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, norms
+from ...common.arrays import Array, BoolArray, distinct, norms
 from ...common.warnings import Place, Warning, point_of
 from ..mesh.distance import dots
 from ..mesh.face_points import points_at, points_by_area
@@ -32,7 +32,7 @@ def inner_part_warnings(
         over[over] = is_trusted(uv[over])
         return np.where(over, along, 0.0)
 
-    used, part = np.unique(inner.faces), shells(inner)
+    used, part = distinct(inner.faces), shells(inner)
     height = np.zeros(len(inner.vertices))
     height[used] = heights(inner.vertices[used])
     of_over = np.unique(part[(height[inner.faces] > 0).any(axis=1)])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, IntArray, cross, norms
+from ...common.arrays import Array, BoolArray, IntArray, cross, distinct, norms
 from ..components import components
 from .triangle_mesh import TriangleMesh
 
@@ -71,7 +71,7 @@ def _vertices_of(mesh: TriangleMesh, facet: IntArray, faces: IntArray, chosen: B
     """Return pairs of a facet and a chosen vertex of some of its faces, each once, ascending; shapes (p,)."""
     row, place = np.nonzero(chosen[mesh.faces[faces]])
     face, count = faces[row], len(mesh.vertices)
-    return np.divmod(np.unique(facet[face] * count + mesh.faces[face, place]), count)
+    return np.divmod(distinct(facet[face] * count + mesh.faces[face, place]), count)
 
 
 def _halves(
