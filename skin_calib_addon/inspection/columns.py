@@ -19,24 +19,10 @@ SECONDS = {"s": 1.0, "sec": 1.0, "secs": 1.0, "seconds": 1.0} | {
 }
 TIME = {"time", "timestamp", "stamp", "clock"}  # words in the name of a time
 # Words in the names of columns that are no channels. More: more tables without numbers in their names are accepted.
-OTHER = frozenset(
-    (
-        "frame",
-        "frames",
-        "counter",
-        "count",
-        "index",
-        "idx",
-        "seq",
-        "sequence",
-        "sample",
-        "cycle",
-        "step",
-        "total",
-        "sum",
-    )
-    + ("temperature", "temp", "battery", "voltage", "label", "checksum", "crc")
-)
+OTHER = frozenset((
+    "frame", "frames", "counter", "count", "index", "idx", "seq", "sequence", "sample", "cycle", "step", "total", "sum",
+    "temperature", "temp", "battery", "voltage", "label", "checksum", "crc",
+))  # fmt: skip
 
 
 class ColumnsError(ValueError):

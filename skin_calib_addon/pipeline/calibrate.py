@@ -193,7 +193,8 @@ def fit_of(plan: Plan, surface: Surface, mesh: TriangleMesh, cover: TriangleMesh
     """Fit one surface of a plan to its cover of the mesh; errors name the surface if there are several."""
     with naming_surface(plan, surface.name):
         fit = fit_grid(cover, surface.grid, surface.degree, surface.chords, surface.max_deviation)
-        fit = replace(fit, inner=inner_parts(mesh, surface.cover))
+        if (inner := inner_parts(mesh, surface.cover)) is not None:  # a new fit does not know what this one computed
+            fit = replace(fit, inner=inner)
         refuse_errors(fit.warnings)
     return fit
 

@@ -1,5 +1,7 @@
 """The probable unit of the numbers of a mesh, from their size."""
 
+from .triangle_mesh import METRES_PER_UNIT
+
 MIN_LINK_LENGTH = 5e-3  # [m] least longest side of a link with skin, a fingertip. Smaller: more units are plausible
 MAX_LINK_LENGTH = 3.0  # [m] largest longest side of a link with skin, a crane. Larger: more units are plausible
 UNIT_NAMES = {"m": "metres", "cm": "centimetres", "mm": "millimetres", "in": "inches"}
@@ -20,5 +22,5 @@ def possible_units(side: float) -> dict[str, float]:
 
     A mesh that is too large was read as metres. One that is too small may be in metres, read as millimetres.
     """
-    factors = {"cm": 1e-2, "mm": 1e-3, "in": 0.0254} if side > MAX_LINK_LENGTH else {"m": 1e3}
+    factors = METRES_PER_UNIT if side > MAX_LINK_LENGTH else {"m": 1 / METRES_PER_UNIT["mm"]}
     return {unit: factor for unit, factor in factors.items() if is_plausible(side * factor)}
