@@ -218,7 +218,7 @@ def warnings_of(fits: Mapping[str, SurfaceFit], placed: tuple[PlacedSkin, ...]) 
     found = [warning if len(fits) == 1 else _naming(names, warning) for warning, names in surfaces.items()]
     for skin in placed:
         fit = fits[skin.patch.surface]
-        found += (*_off_mesh(skin.patch, fit), *skin.warnings, *normal_warnings(skin.patch, fit.given_mesh))
+        found += (*_untrusted(skin.patch, fit), *skin.warnings, *normal_warnings(skin.patch, fit.given_mesh))
         found += unknown_sigma(skin.patch, fit)
     found += overlap_warnings([skin.patch for skin in placed])
     return tuple(worst_first(found))
@@ -230,7 +230,7 @@ def _naming(names: list[str], warning: Warning) -> Warning:
     return replace(warning, message=message, where=replace(warning.where, surface=names[0]))
 
 
-def _off_mesh(patch: Patch, fit: SurfaceFit) -> Iterator[Warning]:
+def _untrusted(patch: Patch, fit: SurfaceFit) -> Iterator[Warning]:
     """Yield a warning if taxels of a patch are where the surface does not follow the mesh."""
     over = np.flatnonzero(~fit.is_trusted(patch.taxels.uv))
     if len(over):
