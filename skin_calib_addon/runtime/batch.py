@@ -11,6 +11,7 @@ from .clock import JUMP_TIME, Clock
 from .components import component_counts
 from .frame import cop_of, is_standing, zmp_of
 from .geometry import SkinGeometry
+from .lost import lost_forces
 from .modalities import ModalityValues
 from .touched import Evidence, states
 
@@ -26,15 +27,16 @@ BLOCK_NUMBERS = 2**14
 class Batch:
     """Results of many readings; row t of every array is reading t.
 
-    They are those of :class:`.Frame`. A row is unknown if no taxel of it has a valid force.
+    They are those of :class:`.Frame`. A row is unknown if no taxel of it has a valid force. Its wrench is unknown, too,
+    if those without one may carry much of it, see :attr:`.Frame.problem`.
     """
 
     forces: Array  # (T, n) on each taxel [N]; 0 if it is unknown
     known: BoolArray  # (T, n) whether the taxel has a valid force
     active: BoolArray  # (T, n) whether the taxel is part of a contact
     contact_counts: IntArray  # (T,) number of contacts; -1 if the row is unknown
-    wrench: Array  # (T, 6) of all contacts about the origin of the link [N, N m]; NaN if the row is unknown
-    load: Array  # (T,) vertical force of the ground [N], 0 without a ground; NaN if the row is unknown
+    wrench: Array  # (T, 6) of all contacts about the origin of the link [N, N m]; NaN if it is unknown
+    load: Array  # (T,) vertical force of the ground [N], 0 without a ground; NaN if the wrench is unknown
     stands: BoolArray  # (T,) whether the link stands on its ground
     cop: Array  # (T, 2) in the coordinates of the ground [m]; NaN if the link does not stand
     zmp: Array  # (T, 2) in the coordinates of the ground [m]; NaN if the link does not stand
@@ -70,6 +72,7 @@ def batch_of(
     valid = known.any(axis=1) | (n == 0)
     fresh = None if times is None else _fresh(times, valid)
     before, sums, stands = np.zeros(n, bool), np.empty((count, 12)), np.zeros(count, bool)
+    parts = None if known.all() else np.empty((count, n))  # of the sums
     for block in _blocks(count, n):
         evidence = evidence_of(readings.signed(corrected(block)), forces[block], known[block])
         state = evidence.on
@@ -79,13 +82,32 @@ def batch_of(
             before = state[-1]
         active[block] = state & known[block]
         pushes = active[block] * forces[block] if evidence.pushes is None else evidence.pushes
+        if parts is not None:
+            parts[block] = pushes
         sums[block] = sums_of(pushes, active[block])
         stands[block] = valid[block] & is_standing(sums[block, 6], evidence.has_load)
+    if parts is not None:
+        is_lost = _are_lost(parts, known, valid, fresh, skin, readings.live)
+        sums[is_lost], stands[is_lost] = np.nan, False
     counts = np.where(valid, component_counts(active, skin.neighbours), -1)
     wrench, load = (np.where(valid[:, None], sums, np.nan)[:, columns] for columns in (slice(6), 6))
     cop = cop_of(np.where(stands[:, None], sums, np.nan))
     zmp = zmp_of(np.where(stands[:, None] & (sums[:, 9:10] > 0), sums, np.nan))
     return Batch(forces, known, active, counts, wrench, load, stands, cop, zmp)
+
+
+def _are_lost(
+    pushes: Array, known: BoolArray, valid: BoolArray, fresh: BoolArray | None, skin: SkinGeometry, live: BoolArray
+) -> BoolArray:
+    """Return in which rows (T,) the taxels without a valid force may carry too much, see :mod:`.lost`."""
+    row = np.arange(len(pushes))
+    start = row if fresh is None else np.maximum.accumulate(np.where(fresh, row, 0))  # no row before it counts
+    latest = np.maximum.accumulate(np.where(known, row[:, None], -1), axis=0)  # in which each taxel was known
+    is_lost = np.zeros(len(pushes), bool)
+    for k in (valid & ~known.all(axis=1)).nonzero()[0]:
+        last = np.where(latest[k] >= start[k], np.take_along_axis(pushes, latest[k][None], axis=0)[0], np.nan)
+        is_lost[k] = lost_forces(skin, pushes[k], known[k], live, last)[1] is not None
+    return is_lost
 
 
 def _blocks(count: int, n: int) -> Iterator[slice]:

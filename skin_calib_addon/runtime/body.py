@@ -256,8 +256,8 @@ class Body:
             frame = skin.update(readings[name], time)
             flags.update(f"{name}:{flag}" for flag in frame.flags)
             pose, problem = checked_pose(poses.get(name))
-            if frame.touched is None:
-                lost[name] = frame.problem or "it has no valid reading"
+            if frame.problem is not None:
+                lost[name] = frame.problem
             if pose is None:
                 flags.add(f"{name}:{problem}")
                 if frame.touched:

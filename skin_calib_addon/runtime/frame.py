@@ -11,7 +11,7 @@ import numpy as np
 from ..common.arrays import Array, BoolArray, lock, locked
 from .contacts import Contact
 from .footprint import NO_POLYGON, Footprint, SupportingPolygon, supporting_polygon
-from .geometry import GroundGeometry, Terms
+from .geometry import GroundGeometry, Terms, products_of
 from .modalities import ModalityValues
 from .noise import GUARANTEED_PROBABILITY, OUTER_PROBABILITY, Noise
 from .touched import Touched
@@ -32,12 +32,13 @@ class Frame:
 
     ``flags`` has every problem. Of the reading: ``wrong_type``, ``wrong_length``, ``not_finite`` (some taxels sent NaN
     or infinity, or are masked in a masked array), ``too_large`` (some forces are impossible), ``blind`` (no taxel has a
-    force), ``modality`` (the reading of a modality was refused, see its ``problem``), ``saturated``, ``stuck`` (the
-    reading of an active taxel does not change, as noise or 30 s would demand), ``byte_order`` (the two bytes of the
-    readings are in the wrong order; nothing is guaranteed), ``below_rest`` (some taxels read less than without
-    contact). Of the noise: ``noise_unknown`` (nothing is guaranteed), ``dead`` (some taxels did not change at rest),
-    ``drift`` (nothing is guaranteed), ``frozen`` (all readings stay the same although they have noise; nothing is
-    guaranteed). Of the time: ``time_not_finite``, ``time_still``, ``time_back``, ``time_jump``, ``dropped``.
+    force), ``lost`` (taxels without a valid reading may carry much of the load), ``modality`` (the reading of a
+    modality was refused, see its ``problem``), ``saturated``, ``stuck`` (the reading of an active taxel does not
+    change, as noise or 30 s would demand), ``byte_order`` (the two bytes of the readings are in the wrong order;
+    nothing is guaranteed), ``below_rest`` (some taxels read less than without contact). Of the noise: ``noise_unknown``
+    (nothing is guaranteed), ``dead`` (some taxels did not change at rest), ``drift`` (nothing is guaranteed),
+    ``frozen`` (all readings stay the same although they have noise; nothing is guaranteed). Of the time:
+    ``time_not_finite``, ``time_still``, ``time_back``, ``time_jump``, ``dropped``.
     """
 
     time: float  # [s]
@@ -46,11 +47,11 @@ class Frame:
     saturated: BoolArray  # (n,) whether the force may be larger
     stuck: BoolArray  # (n,) whether the reading of an active taxel has not changed for too long
     contacts: tuple[Contact, ...]
-    # (6,) about the origin of the link [N, N m]; NaN if it is unknown. With learned noise of all taxels, each with its
+    # (6,) about the origin of the link [N, N m]; NaN with a problem. With learned noise of all taxels, each with its
     # weight, also outside of contacts; otherwise of the active taxels
     wrench: Array
     flags: frozenset[str]
-    problem: str | None  # why the complete reading was refused
+    problem: str | None  # why the wrench is not known: the reading was refused, or too much of it is missing
     footprint: Footprint | None  # the active taxels; None if they are unknown
     sets: Touched | None = None  # which taxels are touched, surely and possibly, and their weights in the sums
     noise: Noise | None = None  # None if it is unknown
@@ -59,14 +60,21 @@ class Frame:
     sums: Array | None = None  # (12,) of :attr:`.Terms.sums`
     deviations: Callable[[], Array] | None = None  # computes force_sigmas
     modalities: Mapping[str, ModalityValues] = field(default_factory=dict)  # all that the calibration names
+    lost: Array | None = None  # (n,) what a taxel without a valid force may carry [N]; None: all forces are valid
 
     def __post_init__(self) -> None:
-        lock(self.forces, self.known, self.saturated, self.stuck, self.wrench, self.pushes, self.sums)
+        lock(self.forces, self.known, self.saturated, self.stuck, self.wrench, self.pushes, self.sums, self.lost)
 
     @property
     def touched(self) -> bool | None:
-        """Whether there is a contact or a load; None if that is unknown, which is not the same as no contact."""
-        return None if self.sets is None else bool(self.contacts) or bool(self.sets.stands)
+        """Whether there is a contact or a load; None if that is unknown, which is not the same as no contact.
+
+        It is unknown, too, if nothing else is touched and a taxel without a valid reading was touched at its last one,
+        or has had none yet. See :attr:`problem`.
+        """
+        if self.sets is not None and (self.contacts or self.sets.stands):
+            return True
+        return None if self.problem is not None else False
 
     @property
     def active(self) -> BoolArray:
@@ -110,7 +118,7 @@ class Frame:
     @cached_property
     def _on_ground(self) -> list[float]:
         """Sums of :attr:`.GroundGeometry.terms`, weighted by the forces."""
-        return [0.0] * 6 if self.sums is None else self.sums[6:].tolist()
+        return [math.nan] * 6 if self.sums is None else self.sums[6:].tolist()
 
     @property
     def moments(self) -> Terms | None:
@@ -125,7 +133,7 @@ class Frame:
 
     @property
     def load(self) -> float:
-        """Vertical force of the ground on the taxels that can stand on it [N]."""
+        """Vertical force of the ground on the taxels that can stand on it [N]; NaN if the wrench is not known."""
         return self._on_ground[0]
 
     @property
@@ -136,7 +144,7 @@ class Frame:
     @property
     def reason(self) -> str | None:
         """Why there is no CoP, as a sentence; None if there is one."""
-        if self.footprint is None or self.sets is None:
+        if self.problem is not None or self.footprint is None or self.sets is None:
             return self.problem or "no taxel has a valid reading"
         if self.footprint.ground is None:
             return "the skin is not flat and has no ground; pass one to load()"
@@ -189,8 +197,8 @@ class Frame:
     def _variances(self) -> tuple[Array, float] | None:
         """Variance (n,) of each weighted force by noise [N^2]; that of a moment by the place in the cells [(N m)^2].
 
-        The force of a cell whose neighbours carry less acts anywhere in it. An unknown taxel may carry the mean of its
-        neighbours. The variances have to be multiplied by :attr:`.Noise.common` squared.
+        The force of a cell whose neighbours carry less acts anywhere in it. An unknown taxel may carry :attr:`lost`.
+        The variances have to be multiplied by :attr:`.Noise.common` squared.
         """
         sigmas, pushes = self.force_sigmas, self.pushes
         if sigmas is None or pushes is None or self.sets is None or self.footprint is None:
@@ -202,9 +210,8 @@ class Frame:
         variances *= variances
         left_out *= left_out
         variances += left_out
-        if not self._is_complete:
-            unknown = (~self.known).nonzero()[0]
-            variances[unknown] = skin.mean_around(pushes, unknown) ** 2
+        if self.lost is not None:
+            variances += self.lost**2
         rows = (pushes > 0).nonzero()[0]
         uneven = np.maximum(pushes[rows] - skin.mean_around(pushes, rows), 0.0)
         uneven *= uneven
@@ -215,8 +222,10 @@ class Frame:
         """Covariances (10,) by noise of the sums of :attr:`.Terms.products`; None if they are not known."""
         if self._variances is None or self.ground is None or self.terms is None or self.noise is None:
             return None
-        factor = self.noise.common**2
-        return [factor * c for c in self.terms.products.dot(self._variances[0]).tolist()]
+        covariances = self.noise.common**2 * self.terms.products.dot(self._variances[0])
+        if self.lost is not None:  # all that is lost may carry its load at the same time
+            covariances += products_of(self.lost @ self.terms.ground)
+        return covariances.tolist()
 
     @cached_property
     def wrench_sigma(self) -> Array | None:
@@ -226,6 +235,8 @@ class Frame:
         terms = self.footprint.skin.terms[5:]
         variances, placed = self._variances
         squares = terms**2 @ variances * self.noise.common**2 + np.repeat((0.0, placed), 3)
+        if self.lost is not None:
+            squares += (terms @ self.lost) ** 2
         if self.moments is None and self.ground is not None:  # the moments of the pressure gradient are left out
             squares += ((self.ground.in_cell.link[5:] - terms) @ self.pushes) ** 2
         return locked(np.sqrt(squares))

@@ -79,6 +79,25 @@ class SkinGeometry:
         padded[:-1] = values
         return np.add.reduce(padded[self.neighbours.take(rows, axis=1)], axis=0) / self.neighbour_counts.take(rows)
 
+    def filled(self, values: Array, known: BoolArray) -> Array:
+        """Return values (n,) where those that are not known are the mean of their neighbours, from the border inwards.
+
+        Those that no neighbour leads to have the mean of all known ones.
+        """
+        values, has = np.append(np.where(known, values, 0.0), 0.0), np.append(known, False)
+        values[:-1][~known] = values.sum() / max(int(np.count_nonzero(known)), 1)
+        missing = (~known).nonzero()[0]
+        while len(missing):
+            around = self.neighbours.take(missing, axis=1)
+            counts = has[around].sum(axis=0)
+            found = missing[counts > 0]
+            if not len(found):
+                break
+            sums = np.where(has[around], values[around], 0.0).sum(axis=0)
+            values[found], has[found] = sums[counts > 0] / counts[counts > 0], True
+            missing = missing[counts == 0]
+        return values[:-1]
+
     def _period(self, patch: int) -> tuple[int, int]:
         """Return the rows and columns after which a patch closes on itself; 0 if its ends are not neighbours."""
         in_patch = self.pairs[(self.patch[self.pairs] == patch).all(axis=1)]
@@ -214,10 +233,15 @@ class Terms:
 
     @cached_property
     def products(self) -> Array:
-        """Products (10, n) of ground terms: lift, f_z with themselves, their moments with themselves and with them."""
-        lift, lift_x, lift_y, fz, tx, ty = self.ground.T
-        first, second = (lift, lift_x, lift_y, lift_x, lift_y), (lift, lift_x, lift_y, lift, lift)
-        return locked(np.stack((*np.multiply(first, second), *np.multiply((fz, tx, ty, tx, ty), (fz, tx, ty, fz, fz)))))
+        """Products (10, n) of the ground terms of each taxel, see :func:`products_of`."""
+        return locked(products_of(self.ground.T))
+
+
+def products_of(ground: Array) -> Array:
+    """Return products (10, ...) of ground terms (6, ...): lift, f_z with themselves, their moments, and with those."""
+    lift, lift_x, lift_y, fz, tx, ty = ground
+    first, second = (lift, lift_x, lift_y, lift_x, lift_y), (lift, lift_x, lift_y, lift, lift)
+    return np.stack((*np.multiply(first, second), *np.multiply((fz, tx, ty, tx, ty), (fz, tx, ty, fz, fz))))
 
 
 def _full_contact_correction(centres: Array, corners: Array, areas: Array) -> tuple[Array, Array] | None:

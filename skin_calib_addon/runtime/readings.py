@@ -107,8 +107,12 @@ class Readings:
         self._limit()
 
     def _limit(self) -> None:
-        valid = self.alive if self.noise is None else self.alive & ~self.noise.dead
-        self._limits = np.where(valid, self._most, -1.0)
+        self._limits = np.where(self.live, self._most, -1.0)
+
+    @property
+    def live(self) -> BoolArray:
+        """Which taxels (n,) are neither masked nor dead."""
+        return self.alive if self.noise is None else self.alive & ~self.noise.dead
 
     def intensities(self, readings: Any) -> Array:
         """Return the reading of each taxel, shape (n,), in double precision: sums of 8-bit numbers overflow."""
@@ -238,14 +242,11 @@ class Readings:
 
     def valid(self, signed: Array) -> Array:
         """Return signed readings (..., n), NaN for defective taxels and invalid readings: what the drift uses."""
-        assert self.noise is not None
-        return np.where((np.abs(signed) < MAX_READING) & self.alive & ~self.noise.dead, signed, np.nan)
+        return np.where((np.abs(signed) < MAX_READING) & self.live, signed, np.nan)
 
     def flags(self, raw: Array, known: BoolArray) -> frozenset[str]:
         """Return ``not_finite`` and ``too_large`` if live taxels that are not masked have such readings (n,)."""
-        invalid = ~known & self.alive
-        if self.noise is not None:
-            invalid &= ~self.noise.dead
+        invalid = ~known & self.live
         if not np.count_nonzero(invalid):
             return frozenset()
         finite = np.isfinite(raw[invalid])

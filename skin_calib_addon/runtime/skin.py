@@ -19,6 +19,7 @@ from .footprint import Footprint
 from .frame import Frame
 from .geometry import GroundGeometry, SkinGeometry, Terms, observable, wrench_rank
 from .identity import Identities
+from .lost import Lost
 from .modalities import Modalities, ModalityValues, force_of, without_force
 from .noise import Noise
 from .plane import Plane, ground_of
@@ -140,6 +141,7 @@ class Skin:
         self._identities = Identities(len(self.ids))
         self._active: BoolArray = np.zeros(len(self.ids), bool)
         self._streak = Streak(len(self.ids))
+        self._lost = Lost(self.geometry)
         self._footprint = Footprint(self.geometry, self.ground, np.zeros(len(self.ids), bool))
 
     @property
@@ -362,12 +364,17 @@ class Skin:
         if self._readings.drift.is_reported:
             flags |= {"drift"}
         terms = self._terms if self.ground is None or not footprint.is_full else self.ground.full_contact
-        sums = terms.sums.dot(sets.pushes)
+        sums, problem, lost = terms.sums.dot(sets.pushes), None, None
+        if not signals.is_complete:
+            lost, problem = self._lost.of(sets.pushes, signals.known, self._readings.live)
+            if problem is not None:
+                sums, flags = np.full(12, np.nan), flags | {"lost"}
+        self._lost.accept(sets.pushes, None if signals.is_complete else signals.known)
         contacts = contacts_of(footprint, signals.forces, self._identities.follow(footprint), terms)
         sigmas = None if noise is None else partial(force_sigmas, self._readings.responses, signals.shifted, noise)
         frame = Frame(
-            time, signals.forces, signals.known, saturated, stuck, contacts, sums[:6], flags, None, footprint, sets,
-            noise, terms, sets.pushes, sums, sigmas, modalities,
+            time, signals.forces, signals.known, saturated, stuck, contacts, sums[:6], flags, problem, footprint, sets,
+            noise, terms, sets.pushes, sums, sigmas, modalities, lost,
         )  # fmt: skip
         self._clock.accept(time)
         self._faults.accept(raw, unchanged, time)
@@ -380,6 +387,7 @@ class Skin:
         """Forget the frames before: they say nothing about the next one."""
         self._streak, self._active = Streak(len(self.ids)), np.zeros(len(self.ids), bool)
         self._identities.forget()
+        self._lost.forget()
         self._readings.drift.drop_block()
         if self._rest is not None:
             self._rest.clear()

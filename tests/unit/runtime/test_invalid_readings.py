@@ -18,7 +18,7 @@ from skin_calib_addon.runtime.clock import Clock
 from tests.soles import counting_sole, skin_of, sole_patch
 
 N = 42
-FLAGS = {"wrong_type", "wrong_length", "not_finite", "too_large", "blind", "saturated", "stuck"}
+FLAGS = {"wrong_type", "wrong_length", "not_finite", "too_large", "blind", "saturated", "stuck", "lost"}
 FLAGS |= {"below_rest", "byte_order", "time_not_finite", "time_still", "time_back", "time_jump", "dropped"}
 
 
@@ -295,9 +295,9 @@ def test_no_reading_raises(readings):
         frame = skin.update(reading, time)
         assert frame.flags <= FLAGS
         assert np.isfinite(frame.forces).all() and frame.forces.shape == (N,) and (frame.forces >= 0).all()
-        if frame.touched is None:
+        if frame.problem is not None:
             assert np.isnan(frame.wrench).all() and frame.reason and frame.cop is None and frame.zmp is None
-            assert frame.flags & {"wrong_type", "wrong_length", "blind"}
+            assert frame.flags & {"wrong_type", "wrong_length", "blind", "lost"}
         else:
             assert np.isfinite(frame.wrench).all()
             assert (frame.cop is None) == (frame.reason is not None)
@@ -356,7 +356,7 @@ def test_force_that_no_skin_can_bear_is_left_out(side, most):
     assert skin.areas[0] == pytest.approx(1.5 * 3**0.5 * side**2)
     for force, flags in ((0.99 * most, frozenset()), (1.01 * most, {"too_large"})):
         frame = skin.update(np.where(np.arange(N) == 7, force, 2.0), 0.0)
-        assert frame.flags - {"time_still"} == flags and frame.known[7] == (not flags)
+        assert frame.flags - {"time_still", "lost"} == flags and frame.known[7] == (not flags)
 
 
 def test_range_of_a_response_states_what_the_skin_can_bear():

@@ -452,7 +452,8 @@ def test_any_reading_gives_finite_results_or_none(response):
     for k in range(100):
         frame = skin.update(rng.choice(values, N) if k % 5 else rest[k % 40], 0.01 * k)
         assert (frame.cop is None) == (frame.reason is not None) and np.isfinite(frame.forces).all()
-        for name in ("wrench", "cop", "zmp", "cop_sigma", "zmp_sigma", "load_sigma", "wrench_sigma"):
+        assert np.isfinite(frame.wrench).all() == (frame.problem is None)
+        for name in ("cop", "zmp", "cop_sigma", "zmp_sigma", "wrench_sigma"):
             result = getattr(frame, name)
             assert result is None or np.isfinite(result).all()
         assert np.isfinite(frame.polygon.outer.corners).all()
