@@ -29,6 +29,7 @@ COMMANDS = {
     "export": ("export", "write the taxels of a calibration for another program"),
     "import": ("import_file", "read the taxels of a file of another program"),
     "response": ("response", "fit the responses of the sensors to measurements"),
+    "tare": ("tare", "learn baseline and noise from recorded readings without contact"),
     "replay": ("replay", "process recorded readings with the runtime"),
     "touches": ("touches", "compare a calibration with measured touches"),
 }

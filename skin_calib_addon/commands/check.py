@@ -13,6 +13,7 @@ from ..calibration.source_record import changed_inputs, find_mesh, is_as_recorde
 from ..common.errors import CalibrationFormatError, OutputError, SkinCalibError, counted
 from ..common.findings import Finding, printable, warning
 from ..common.strict_json import parse, read
+from ..runtime import noise_file
 from .common import DONE, WRONG_DATA, complain, named_path, say
 
 PLAN_FORMAT = "skin-plan"  # as in plan/keys, which needs more packages than the check of a calibration
@@ -63,7 +64,7 @@ def _check_one(path: Path, mesh: Path | None) -> int:
     notes: list[str] = []
     document, findings = parse(data)
     format = document.get("format") if isinstance(document, dict) else None
-    if mesh is not None and format in (PLAN_FORMAT, robot_set.FORMAT):
+    if mesh is not None and format in (PLAN_FORMAT, robot_set.FORMAT, noise_file.FORMAT):
         complain(f"warning: --mesh is for a calibration, and {path} is none: {mesh} was not compared")
     if format == PLAN_FORMAT:
         from .check_authoring import plan_findings
@@ -71,6 +72,8 @@ def _check_one(path: Path, mesh: Path | None) -> int:
         findings = tuple(findings) or plan_findings(path, document)
     elif format == robot_set.FORMAT:
         findings = tuple(findings) or robot_set.check_robot_document(document) or tuple(_robot_findings(path))
+    elif format == noise_file.FORMAT:
+        findings = tuple(findings) or noise_file.check_noise(document)
     else:
         document, findings = check_bytes(data)
         if not any(finding.severity == "error" for finding in findings):

@@ -4,7 +4,7 @@ import argparse
 import math
 import os.path
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -109,12 +109,19 @@ def file_name(text: str) -> Path:
     return named_path(text)
 
 
-def newtons(text: str) -> float:
-    """Parse an option that is a positive force [N]."""
-    try:
-        force = float(text)
-    except ValueError:
-        force = math.nan
-    if not 0 < force < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a positive force in newtons")
-    return force
+def positive(quantity: str) -> Callable[[str], float]:
+    """Return a parser of an option that is a positive number."""
+
+    def parsed(text: str) -> float:
+        try:
+            number = float(text)
+        except ValueError:
+            number = math.nan
+        if not 0 < number < math.inf:
+            raise argparse.ArgumentTypeError(f"{text!r} is not a positive {quantity}")
+        return number
+
+    return parsed
+
+
+newtons, seconds = positive("force in newtons"), positive("time in seconds")

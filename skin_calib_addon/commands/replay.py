@@ -3,17 +3,16 @@
 import argparse
 import json
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 
-from ..common.arrays import Array
 from ..common.atomic_file import write_bytes_safely
-from ..common.errors import CalibrationFormatError, InvalidReading, counted
+from ..common.errors import CalibrationFormatError
 from ..inspection.recording import frame_document, read_modalities, read_recording
 from ..runtime import Frame, Skin, load
 from ..runtime.modalities import FORCE
 from .common import DONE, check_outputs, complain, count, file_name, named_path, newtons, say
+from .tare import add_accept, rested
 
 LONG_STEP = 1.0  # between frames, above which the time may be in other units, such as nanoseconds [s]
 
@@ -32,6 +31,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tare", type=count, default=0, metavar="N", help="use the first N frames as readings at rest (default: 0)"
     )
+    add_accept(parser)
+    parser.add_argument("--noise", type=named_path, metavar="NOISE", help="what skin-calib tare learnt at rest")
     parser.add_argument(
         "--on",
         type=newtons,
@@ -49,7 +50,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    check_outputs(options, options.file, options.readings)
+    check_outputs(options, options.file, options.readings, options.noise)
     if options.off is not None and options.on is None:
         options.refuse("--off needs --on: a contact that ends by a threshold begins by one")
     if options.off is not None and options.off > options.on:
@@ -57,14 +58,16 @@ def run(options: argparse.Namespace) -> int:
             f"--off {options.off:g} is larger than --on {options.on:g}: "
             "a contact must end at a lower force than it begins"
         )
-    skin = load(options.file, options.on, options.off)
+    skin = load(options.file, options.on, options.off, noise=options.noise)
     recording = read_recording(options.readings, skin)
     recorded = list(recording.frames)
     if options.tare > len(recorded):
         raise CalibrationFormatError(
             f"'{options.readings}' has {len(recorded)} frames, fewer than the {options.tare} of --tare. Use fewer."
         )
-    rest = _tare(skin, recorded[: options.tare], options.readings) if options.tare else ""
+    rest = ""
+    if options.tare:
+        rest = rested(skin, [row for _, row in recorded[: options.tare]], options.readings, options.accept)
     others = read_modalities(options.readings, skin.modalities)
     frames = [
         skin.update({FORCE: reading} | {name: rows[k] for name, rows in others.items()}, time)
@@ -98,23 +101,6 @@ def run(options: argparse.Namespace) -> int:
         complain(f"warning: {flag} in {times} of {len(frames)} frames{pressed}")
     say(_summary(skin, frames, recording.columns, rest))
     return DONE
-
-
-def _tare(skin: Skin, recorded: list[tuple[float, Array]], path: Path) -> str:
-    """Tare a skin with the first frames of a recording; return what they show, for the summary."""
-    rows = [reading for _, reading in recorded]
-    try:
-        forces = np.array([skin.forces(row) for row in rows])
-        skin.tare(rows)
-    except InvalidReading as problem:
-        raise CalibrationFormatError(f"'{path}', frames of --tare: {problem}") from problem
-    finite = np.where(np.isfinite(forces), forces, 0.0).mean(axis=0)
-    text = f"{counted(len(rows), 'frame')}; {finite.sum():.2f} N in total count as offset, "
-    text += f"at most {finite.max():.2f} N on a taxel"
-    if skin.noise is None:
-        return text
-    limit, load = np.median(skin.noise.detection_limits), skin.noise.load_limit
-    return f"{text}; noise hides up to {limit:.2g} N on a taxel, {load:.2g} N in total"
 
 
 def _summary(skin: Skin, frames: list[Frame], columns: str, rest: str) -> str:

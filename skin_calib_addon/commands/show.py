@@ -1,18 +1,21 @@
 """``show``: print table and warnings of a calibration or of a whole robot, and draw a picture."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from ..calibration.file import load_with_warnings
 from ..calibration.model import LinkCalibration
 from ..calibration.robot_set import FILE, RobotSet, changed_urdf, examined, is_robot
-from ..common.errors import counted
-from ..common.findings import show
+from ..common.errors import CalibrationFormatError, counted
+from ..common.findings import Finding, in_short, show
+from ..common.strict_json import parse, read
 from ..pipeline.report import area_table, covered_area, robot_table, seen_area, table
 from ..robot.kinematics import link_poses
 from ..robot.link_mesh import load_urdf_meshes
 from ..robot.urdf import read_robot
+from ..runtime import noise_file
 from .common import (
     DONE,
     FIT_WITH_URDF,
@@ -23,10 +26,13 @@ from .common import (
     named_path,
     say,
 )
+from .tare import limits_of
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", type=named_path, metavar="FILE", help="calibration file; robot.json, or its folder")
+    parser.add_argument(
+        "file", type=named_path, metavar="FILE", help="calibration or noise file; robot.json, or its folder"
+    )
     parser.add_argument(
         "--picture", type=file_name, metavar="PNG", help="picture of surfaces and taxels; of a robot in its zero pose"
     )
@@ -36,6 +42,9 @@ def run(options: argparse.Namespace) -> int:
     check_outputs(options, options.file)
     if is_robot(options.file):
         return _show_robot(options)
+    document, problems = parse(read(options.file))
+    if isinstance(document, dict) and document.get("format") == noise_file.FORMAT:
+        return _show_noise(options.file, document, problems or noise_file.check_noise(document))
     calibration, warnings = load_with_warnings(options.file)
     say(table(calibration))
     for warning in warnings:
@@ -44,6 +53,17 @@ def run(options: argparse.Namespace) -> int:
         from ..pictures.calibration import draw_calibration
 
         draw_calibration(calibration, options.picture)
+    return DONE
+
+
+def _show_noise(file: Path, document: dict[str, Any], findings: Sequence[Finding]) -> int:
+    """Print what a tare learnt."""
+    if findings:
+        raise CalibrationFormatError(f"'{file}' is invalid: {in_short(findings)}", tuple(findings))
+    noise = noise_file.noise_from(document)
+    say(f"link      {document['link']}, {counted(len(document['baseline']), 'taxel')}")
+    say(f"of        calibration {document['calibration']}")
+    say(f"noise     {'not known' if noise is None else limits_of(noise)}")
     return DONE
 
 

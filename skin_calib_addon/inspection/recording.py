@@ -154,7 +154,7 @@ def frame_document(frame: Frame) -> dict[str, Any]:
         "time": _known(frame.time),
         "flags": sorted(frame.flags),
         "touched": frame.touched,
-        "wrench": None if frame.touched is None else frame.wrench.tolist(),
+        "wrench": None if frame.problem is not None else frame.wrench.tolist(),
         "contacts": [{name: _plain(getattr(contact, name)) for name in CONTACT} for contact in frame.contacts],
         "cop": None if frame.cop is None else frame.cop.tolist(),
         "zmp": None if frame.zmp is None else frame.zmp.tolist(),

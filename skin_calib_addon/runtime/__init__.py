@@ -11,6 +11,7 @@ from .moved import forward
 from .plane import Plane
 from .polygon import Polygon, convex_hull
 from .skin import Skin, load
+from .tare import Tare
 
 __all__ = [
     "Batch",
@@ -26,6 +27,7 @@ __all__ = [
     "Skin",
     "SkinGeometry",
     "SupportingPolygon",
+    "Tare",
     "convex_hull",
     "load",
     "zero_moment_point",

@@ -83,6 +83,13 @@ class SkinGeometry:
         """Return values (n,) where those that are not known are the mean of their neighbours, from the border inwards.
 
         Those that no neighbour leads to have the mean of all known ones.
+
+        Parameters
+        ----------
+        values : array, shape (n,)
+            One for each taxel.
+        known : array of bool, shape (n,)
+            Whether it is known.
         """
         values, has = np.append(np.where(known, values, 0.0), 0.0), np.append(known, False)
         values[:-1][~known] = values.sum() / max(int(np.count_nonzero(known)), 1)

@@ -4,7 +4,7 @@ Thresholds follow from stated probabilities of an error. :mod:`.at_rest` has the
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import NormalDist
 from typing import TYPE_CHECKING
@@ -106,6 +106,12 @@ class Noise:
 
     def __post_init__(self) -> None:
         lock(*vars(self).values())
+
+    def moved(self, change: Array) -> "Noise":
+        """Return the noise after the signed readings at rest changed by (n,)."""
+        of_readings = ("mean", "sure", "lasting", "pair", "possible", "release", "lowest", "free", "clip")
+        moved = {name: getattr(self, name) + change for name in of_readings}
+        return replace(self, **moved, free_sum=self.free_sum + float(change.dot(self.slopes)))
 
     def signed(self, intensities: Array) -> Array:
         """Return signed readings (n,), which rise with the force; the same array if all readings do."""

@@ -43,6 +43,11 @@ def taxel_readings(
     return readings.take(channels, axis=-1), is_whole
 
 
+def largest_of(rows: Array) -> float:
+    """Return the largest number of the data type of an array; infinity for floating-point numbers."""
+    return float(np.iinfo(str(rows.dtype)).max) if rows.dtype.kind in "ui" else np.inf
+
+
 def numbers_of(given: Any, dimensions: tuple[int, ...], kinds: str, must: str) -> Any:
     """Return numbers as an array of one of some dimensions and kinds of data; masked numbers stay in it."""
     try:
@@ -59,6 +64,15 @@ def numbers_of(given: Any, dimensions: tuple[int, ...], kinds: str, must: str) -
             what = "a mapping. Pass the readings of force alone"
         raise InvalidReading(f"{must}; this one is {what}", flag="wrong_type")
     return numbers
+
+
+class Learnt(NamedTuple):
+    """What readings at rest say."""
+
+    frames: int
+    mean: Array  # (n,) reading, before the clipping where the noise is known; NaN where there is none
+    sigma: Array  # (n,) standard deviation, as the mean
+    noise: Noise | None  # None: they say nothing about it
 
 
 class Signals(NamedTuple):
@@ -93,6 +107,7 @@ class Readings:
         self.drift = self._new_drift()
         self._creep = None if creep is None else Creep(len(geometry.ids), *creep)
         self.is_whole = False  # whether the last readings were whole numbers
+        self.largest = np.inf  # what their data type can have
         self._pairs = geometry.pairs
         self._latest = np.full(len(geometry.ids), np.nan)  # all that was sent, also in frames that are not accepted
         self._row_of = {channel: row for row, channel in enumerate(self.channels.tolist())}
@@ -117,6 +132,7 @@ class Readings:
     def intensities(self, readings: Any) -> Array:
         """Return the reading of each taxel, shape (n,), in double precision: sums of 8-bit numbers overflow."""
         rows, self.is_whole = self._rows(readings, (1,))
+        self.largest = largest_of(rows)
         return rows.astype(float)
 
     def after(self, indices: Any, values: Any) -> Array:
@@ -181,28 +197,39 @@ class Readings:
         return Signals(shifted, self.signed(intensities), forces, known, np.count_nonzero(known) == len(known))
 
     def at_rest(self, readings: Any) -> tuple[Array, bool]:
-        """Return one or more readings for a tare, (frames, n), and whether they are whole numbers."""
+        """Return one or more readings for a tare, (frames, n), in their data type, and whether they are whole."""
         rows, is_whole = self._rows(readings, (1, 2))
-        return np.atleast_2d(rows.astype(float)), is_whole
+        return np.atleast_2d(rows), is_whole
 
-    def learn(self, rows: Array, is_whole: bool) -> None:
-        """Set the baseline and learn the noise from readings (frames, n) of the taxels."""
+    def examined(self, rows: Array, is_whole: bool) -> "Learnt":
+        """Return what readings (frames, n) at rest say; NaN where a taxel has none. Nothing changes."""
         finite = np.abs(rows) < MAX_READING
+        noise = learned(np.where(finite, rows, np.nan), self.responses, self._pairs, is_whole)
         counts = finite.sum(axis=0)
         mean = np.where(finite, rows, 0.0).sum(axis=0) / np.maximum(counts, 1)
-        noise = learned(np.where(finite, rows, np.nan), self.responses, self._pairs, is_whole)
-        before: Array | float = 0.0 if self.drift.offset is None else self.drift.offset
-        self.drift = self._new_drift()
+        sigma = np.sqrt((np.where(finite, rows - mean, 0.0) ** 2).sum(axis=0) / np.maximum(counts - 1, 1))
+        if noise is not None:
+            mean, sigma = np.where(noise.dead, mean, noise.mean * noise.sign), noise.sigma
+        return Learnt(len(rows), np.where(counts > 0, mean, np.nan), sigma, noise)
+
+    def learn(self, rest: "Learnt") -> None:
+        """Set the baseline, and the noise; of too few frames for the noise, it moves to their mean."""
+        noise, baseline = rest.noise, self.baseline
+        if noise is None and self.noise is not None:
+            change = np.where(np.isfinite(rest.mean), rest.mean - self.noise.signed(self.noise.mean), 0.0)
+            noise = self.noise.moved(self.noise.signed(change))
+        self.restore(np.where(np.isfinite(rest.mean), self.responses.rest - rest.mean, baseline), noise)
+
+    @property
+    def baseline(self) -> Array:
+        """What is added to each reading (n,), so that the one at rest gives no force."""
+        return np.zeros(len(self.alive)) if self._shift is None else self._shift
+
+    def restore(self, baseline: Array, noise: Noise | None) -> None:
+        """Set the baseline (n,) and the noise."""
+        self._shift, self.noise, self.drift = baseline, noise, self._new_drift()
         if self._creep is not None:
             self._creep.restart()
-        if noise is None and self.noise is not None:  # too few frames for the noise: its baseline moves to them
-            self.drift.offset = np.where(counts > 0, mean - self.noise.signed(self.noise.mean), before)
-            return
-        if noise is not None:
-            mean = np.where(noise.dead, mean, noise.mean * noise.sign)
-        shift = 0.0 if self._shift is None else self._shift
-        self._shift = np.where(counts > 0, self.responses.rest - mean, shift)
-        self.noise = noise
         self._limit()
 
     def follow(self, raw: Array, is_complete: bool, time: float) -> None:

@@ -13,9 +13,6 @@ if TYPE_CHECKING:
 # [reading] A larger reading is left out of the baseline: the sum of several would overflow. Derived: from the range
 # of double-precision numbers.
 MAX_READING = 1e100
-# [standard deviations] Mean of a taxel from which on a skin is not at rest before the first tare. Larger: sensors
-# with an offset learn their noise by themselves, and a weak contact at the start may count as rest.
-MAX_QUIET_MEAN = 3.0
 # [standard deviations of a mean] Difference of two halves of a rest from which on it is none. Larger: slow contacts at
 # the start count as rest; smaller: a rest is refused by chance.
 MAX_QUIET_SHIFT = 4.0
@@ -110,11 +107,11 @@ def contacts_during(rows: Array, responses: "TaxelResponses", is_whole: bool) ->
     return np.where(is_pressed, responses.forces(responses.rest + responses.sign * spans), 0.0)
 
 
-def is_rest(rows: Array, without_force: Array, is_whole: bool) -> bool:
-    """Return whether readings (frames, n) are those of a skin without contact, as far as they can show it.
+def is_rest(rows: Array, is_whole: bool) -> bool:
+    """Return whether readings (frames, n) are those of a skin at rest, as far as their changes can show it.
 
-    The mean of each taxel is near its reading without force (n,), and the same in both halves. No reading is far from
-    the others, as in a tap. Successive readings differ as noise does, not as in a slow push.
+    The mean of each taxel is the same in both halves. No reading is far from the others, as in a tap. Successive
+    readings differ as noise does, not as in a slow push. Their mean is a matter of :func:`.load_warnings`.
     """
     if not (rows.size and (np.abs(rows) < MAX_READING).all()):
         return False
@@ -125,12 +122,8 @@ def is_rest(rows: Array, without_force: Array, is_whole: bool) -> bool:
     change = min(float(np.median(changes)) * (1 + 2 / len(rows) ** 0.5), 1.0)
     is_noise = (variance <= floor**2) | ((changes >= MIN_QUIET_CHANGE * change) & (change >= MIN_QUIET_CHANGE))
     spread = np.maximum(np.sqrt(variance), np.abs(steps).max(axis=0) / 4)
-    is_near = np.abs(rows.mean(axis=0) - without_force) <= MAX_QUIET_MEAN * spread
     return bool(
-        is_noise.all()
-        and is_near.all()
-        and _has_no_peak(rows, floor)
-        and _is_steady(rows, np.maximum(spread, MIN_SPREAD), change)
+        is_noise.all() and _has_no_peak(rows, floor) and _is_steady(rows, np.maximum(spread, MIN_SPREAD), change)
     )
 
 

@@ -21,10 +21,11 @@ from .geometry import GroundGeometry, SkinGeometry, Terms, observable, wrench_ra
 from .identity import Identities
 from .lost import Lost
 from .modalities import Modalities, ModalityValues, force_of, without_force
-from .noise import Noise
+from .noise import LOAD_LIMIT, Noise
 from .plane import Plane, ground_of
-from .readings import Readings, Signals, force_sigmas
+from .readings import Learnt, Readings, Signals, force_sigmas, largest_of
 from .rest import Rest, contacts_during, is_rest
+from .tare import MAX_REST_FORCE, Tare, load_warnings, scale_warnings
 from .touched import (
     Evidence,
     Streak,
@@ -57,6 +58,7 @@ def load(
     in_cell: bool = False,
     follow_drift: bool = True,
     creep: tuple[float, float] | None = None,
+    noise: str | Path | None = None,
 ) -> "Skin":
     """Read a calibration file and return its skin.
 
@@ -66,15 +68,20 @@ def load(
         Of a ``*.calibration.json`` file.
     switch_on, switch_off, ground, in_cell, follow_drift, creep
         As for :class:`Skin`.
+    noise : path, optional
+        Of a file of :meth:`Skin.save_noise`, or of ``skin-calib tare``, with what the readings at rest taught.
 
     Raises
     ------
     CalibrationFormatError
-        If the file is not valid; ``findings`` has every problem.
+        If a file is not valid, or the noise is of another calibration; ``findings`` has every problem.
     """
     from ..calibration.file import load_calibration  # imported late: only a caller with a file needs these modules
 
-    return Skin(load_calibration(path), switch_on, switch_off, ground, in_cell, follow_drift, creep)
+    skin = Skin(load_calibration(path), switch_on, switch_off, ground, in_cell, follow_drift, creep)
+    if noise is not None:
+        skin.load_noise(noise)
+    return skin
 
 
 class Skin:
@@ -125,7 +132,7 @@ class Skin:
         if not 0 < switch_off <= switch_on:
             raise ValueError(f"switch_off {switch_off} must be positive and at most switch_on {switch_on}")
         self.link = calibration.link
-        self._warnings = calibration.warnings
+        self._calibration = calibration
         self.geometry = SkinGeometry(calibration)
         plane = ground or ground_of(self.positions, self.normals, self.areas)
         self.ground = None if plane is None else GroundGeometry(self.geometry, plane)
@@ -147,7 +154,7 @@ class Skin:
     @property
     def warnings(self) -> "tuple[Warning, ...]":
         """Warnings of the fit and of the placement: code, severity, message with position and value, advice."""
-        return self._warnings
+        return self._calibration.warnings
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -238,30 +245,38 @@ class Skin:
         forces, known = self._readings.forces(self._readings.corrected(raw))
         return np.where(known, forces, np.nan)
 
-    def tare(self, readings: Any) -> None:
+    def tare(self, readings: Any, accept: bool = False) -> Tare:
         """Set the baseline: these readings give no force from now on. Of several frames the mean counts.
 
         Frames of about one second, 20 at least, also give the noise of each taxel. The sets of touched taxels, the
         polygons with their probabilities and all standard deviations follow from it. Where readings are clipped at one
         end, the mean is that of the normal distribution before the clipping. Without a call, the first quiet frames of
-        :meth:`update` do the same, if the readings are near those without force; until then frames have the flag
-        ``noise_unknown``.
+        :meth:`update` do the same, if there is no warning; until then frames have the flag ``noise_unknown``.
 
         Parameters
         ----------
         readings : array, shape (channels,) or (frames, channels)
-            Without contact: a constant force on all frames counts as an offset. A taxel without a finite number keeps
-            its baseline.
+            Without contact. A taxel without a finite number keeps its baseline.
+        accept : bool
+            Whether they count although they are those of a load by the response: the sensors have offsets. Or although
+            they may be in another unit than the response.
+
+        Returns
+        -------
+        Tare
+            What was learnt, with the warnings that were accepted.
 
         Raises
         ------
         InvalidReading
-            As for :meth:`forces`, and if some of 8 or more frames have a contact that the others do not have. The
-            baseline does not change.
+            As for :meth:`forces`; if some of 8 or more frames have a contact that the others do not have; and if the
+            readings have a warning. The baseline does not change.
         """
-        rows, is_whole = self._readings.at_rest(readings)
+        given, is_whole = self._readings.at_rest(readings)
+        rows = given.astype(float)
+        responses = self._readings.responses
         alive = np.where(self._readings.alive, rows, np.nan)
-        forces = contacts_during(alive, self._readings.responses, is_whole)
+        forces = contacts_during(alive, responses, is_whole)
         if len(forces) and (most := float(forces.max())) >= self.switch_on:
             raise InvalidReading(
                 f"the {len(rows)} readings for a tare are not at rest: the force changes by {most:.2g} N on "
@@ -270,9 +285,71 @@ class Skin:
                 flag="not_at_rest",
                 force=most,
             )
+        rest = self._readings.examined(rows, is_whole)
+        warnings = self._rest_warnings(alive, largest_of(given), rest)
+        forces = self._offsets(rest)[1]
+        if warnings and not accept:
+            raise InvalidReading(
+                f"the readings for a tare are refused: {'; '.join(warnings)}. Lift the skin, or check the response. If "
+                "nothing presses, and the sensors read this at rest, use tare(readings, accept=True)",
+                flag="not_at_rest",
+                force=float(forces.max(initial=0.0)),
+            )
         self._faults.byte_order.learn(rows)
-        self._readings.learn(rows, is_whole)
+        self._readings.learn(rest)
         self._rest = None if self._has_thresholds or self.noise is not None else Rest()
+        return Tare(len(rows), forces, rest.noise, warnings)
+
+    def _rest_warnings(self, rows: Array, largest: float, rest: Learnt) -> tuple[str, ...]:
+        """Return why readings (frames, n) at rest may be those of a load, or in another unit than the responses."""
+        responses, sigma = self._readings.responses, rest.sigma
+        if rest.noise is None:
+            hidden = responses.forces(responses.rest + responses.sign * sigma)
+            limit = max(MAX_REST_FORCE, LOAD_LIMIT * float(np.linalg.norm(hidden)))
+            sigma = np.where(sigma > 0, sigma, np.inf)
+        else:
+            limit, sigma = rest.noise.load_limit, np.where(rest.noise.dead, np.inf, sigma)
+        loaded = load_warnings(self.ids, *self._offsets(rest), sigma, limit, self.pairs)
+        return loaded + scale_warnings(rows, largest, responses.rest, responses.full)
+
+    def _offsets(self, rest: Learnt) -> tuple[Array, Array]:
+        """Return by how much readings at rest are off those without force, signed, and their forces (n,) [N]."""
+        responses, has_mean = self._readings.responses, np.isfinite(rest.mean) & self._readings.alive
+        mean = np.where(has_mean, rest.mean, responses.rest)
+        return (mean - responses.rest) * responses.sign, np.nan_to_num(responses.forces(mean))
+
+    def save_noise(self, path: str | Path) -> None:
+        """Write what the skin learnt at rest, baseline and noise, to a file, by convention ``NAME.noise.json``.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
+        """
+        from .noise_file import save_noise
+
+        save_noise(path, self._checksum, self.link, self._readings.baseline, self.noise)
+
+    def load_noise(self, path: str | Path) -> None:
+        """Read what this skin learnt at rest, as after a :meth:`tare`.
+
+        Raises
+        ------
+        CalibrationFormatError
+            If the file is invalid, or of another calibration. The skin does not change.
+        """
+        from .noise_file import load_noise
+
+        baseline, noise = load_noise(path, self._checksum, self._readings.responses.sign)
+        self._readings.restore(baseline, noise)
+        self._rest = None if self._has_thresholds or noise is not None else Rest()
+
+    @property
+    def _checksum(self) -> str:
+        """Checksum of the calibration, as in its file."""
+        from ..calibration.file import to_document
+
+        return str(to_document(self._calibration)["checksum"])
 
     def mask(self, ids: Iterable[str]) -> None:
         """Leave out these defective taxels from now on; an empty list masks none.
@@ -460,14 +537,21 @@ class Skin:
         rows = rest.add(raw, frame.time)
         if rows is None:
             return
-        if is_rest(rows, self._readings.responses.rest, self._readings.is_whole):
+        if (found := self._found_rest(rows)) is not None:
             self._faults.byte_order.learn(rows)
-            self._readings.learn(rows, self._readings.is_whole)
+            self._readings.learn(found)
             self._rest = None if rest.is_complete else rest
         elif self.noise is None:
             rest.clear()
         else:  # a contact ends the rest; the noise of its first frames stays
             self._rest = None
+
+    def _found_rest(self, rows: Array) -> Learnt | None:
+        """Return what the first readings (frames, n) say; None if they may not be those without contact."""
+        if not is_rest(rows, self._readings.is_whole):
+            return None
+        found = self._readings.examined(rows, self._readings.is_whole)
+        return None if found.noise is None or self._rest_warnings(rows, self._readings.largest, found) else found
 
     def _unknown(
         self, time: float, flags: frozenset[str], problem: str, modalities: Mapping[str, ModalityValues]

@@ -69,7 +69,10 @@ class Sequences(RuleBasedStateMachine):
         active = [known[i] and on[i] for i in range(N)]
         wrench, contacts = felt(self.skin, forces, active)
         assert self.frame.active.tolist() == active and self.frame.known.tolist() == known
-        assert_allclose(self.frame.wrench, wrench, rtol=1e-9, atol=1e-12)
+        if self.frame.problem is None:
+            assert_allclose(self.frame.wrench, wrench, rtol=1e-9, atol=1e-12)
+        else:  # a taxel without a reading may carry too much
+            assert not all(known) and np.isnan(self.frame.wrench).all() and "lost" in self.frame.flags
         assert {frozenset(c.taxels.tolist()) for c in self.frame.contacts} == set(contacts)
         for contact in self.frame.contacts:
             force, position = contacts[frozenset(contact.taxels.tolist())]
@@ -119,7 +122,7 @@ class Sequences(RuleBasedStateMachine):
     @invariant()
     def old_frames_do_not_change(self):
         """Frames that a controller keeps do not change."""
-        if self.frame is not None and self.frame.touched:
+        if self.frame is not None and self.frame.problem is None:
             assert_allclose(sum(c.wrench for c in self.frame.contacts), self.frame.wrench, rtol=1e-9, atol=1e-12)
 
 

@@ -126,9 +126,9 @@ def test_replay_takes_rest_and_thresholds(calibration, tmp_path, capsys):
     time, rows = readings()
     rows[:3] = 0.0
     path = as_csv(tmp_path / "r.csv", time, rows + 2.0)
-    assert main(["replay", str(calibration), str(path), "--tare", "3"]) == 0
+    assert main(["replay", str(calibration), str(path), "--tare", "3", "--accept"]) == 0
     assert "in 9 frames" in capsys.readouterr().out
-    assert main(["replay", str(calibration), str(path), "--tare", "3", "--on", "15"]) == 0
+    assert main(["replay", str(calibration), str(path), "--tare", "3", "--accept", "--on", "15"]) == 0
     assert "in 2 frames" in capsys.readouterr().out
 
 
@@ -222,7 +222,7 @@ def test_row_with_more_cells_than_the_header_is_refused(skin, tmp_path):
 def test_tare_beyond_the_recording_is_refused(calibration, tmp_path, capsys):
     """The rest would be made of fewer frames than the user asked for."""
     path = as_csv(tmp_path / "r.csv", *readings())
-    assert main(["replay", str(calibration), str(path), "--tare", "12"]) == 0
+    assert main(["replay", str(calibration), str(path), "--tare", "12", "--accept"]) == 0
     capsys.readouterr()
     assert main(["replay", str(calibration), str(path), "--tare", "13"]) == 1
     assert "has 12 frames, fewer than the 13 of --tare" in capsys.readouterr().err
@@ -254,10 +254,13 @@ def test_tare_under_load_is_refused_or_named(calibration, tmp_path, capsys):
     out = tmp_path / "out.jsonl"
     path = as_csv(tmp_path / "r.csv", time, rows)
     assert main(["replay", str(calibration), str(path), "--tare", "40", "-o", str(out)]) == 1
-    assert "r.csv', frames of --tare: the 40 readings for a tare are not at rest: the" in capsys.readouterr().err
+    assert "r.csv', readings at rest: the 40 readings for a tare are not at rest: the" in capsys.readouterr().err
     assert not out.exists()
     rows[:30] = 10 + rng.normal(0, 0.05, (30, N))
-    assert main(["replay", str(calibration), str(as_csv(path, time, rows)), "--tare", "30"]) == 0
+    words = ["replay", str(calibration), str(as_csv(path, time, rows)), "--tare", "30"]
+    assert main(words) == 1
+    assert "they are those of 42" in capsys.readouterr().err
+    assert main([*words, "--accept"]) == 0
     said = capsys.readouterr()
     assert "rest             30 frames; 4" in said.out and "in total count as offset, at most 10." in said.out
     assert "of 90 frames: something may have pressed during those of --tare" in said.err

@@ -79,7 +79,7 @@ def test_deviations_of_a_body_are_those_of_repeated_readings():
     readings = {name: np.rint(50 + rows / 0.2 + 2 * rng.normal(size=rows.shape)) for name, rows in forces.items()}
     body = Body({name: counting_sole() for name in forces})
     for skin in body.skins.values():
-        skin.tare(np.rint(50 + 2 * rng.normal(size=(250, N))))
+        skin.tare(np.rint(50 + 2 * rng.normal(size=(250, N))), accept=True)
     poses = {"left": pose(y=0.1), "right": pose(y=-0.1)}
     frames = [body.update({n: rows[k] for n, rows in readings.items()}, 0.01 * k, poses) for k in range(250)]
     for name in ("cop", "zmp"):

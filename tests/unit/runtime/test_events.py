@@ -78,8 +78,8 @@ def test_frames_of_events_are_those_of_full_readings(options, most):
     full, events = Skin(SKINS["both"], **options), Skin(SKINS["both"], **options)
     rows, times = pushes(130, rng)
     rest = np.rint(np.clip(rng.normal(10, 2, (100, LENGTH)), 0, 4095)).astype(np.uint16)
-    full.tare(rest)
-    events.tare(rest)
+    full.tare(rest, accept=True)
+    events.tare(rest, accept=True)
     now = rows[0].copy()
     same(full.update(now, times[0]), events.update(now, times[0]))
     for row, time in zip(rows[1:], times[1:]):
@@ -113,7 +113,7 @@ def test_events_and_full_readings_mix():
     for k, (row, time) in enumerate(zip(rows, times)):
         if k % 50 == 20:
             for skin in (full, events):
-                skin.tare(rest)
+                skin.tare(rest, accept=True)
         if k == 90:
             for skin in (full, events):
                 skin.mask(["sole.3", "sole.8"])
@@ -157,7 +157,7 @@ def test_silence_is_frozen_as_equal_readings_are():
     """The checks are those of `update`: no event for a second means that nothing changed."""
     rng = np.random.default_rng(7)
     skin = Skin(SKINS["cubic"])
-    skin.tare(np.rint(rng.normal(100, 2, (200, LENGTH))).astype(np.uint16))
+    skin.tare(np.rint(rng.normal(100, 2, (200, LENGTH))).astype(np.uint16), accept=True)
     skin.update(np.rint(rng.normal(100, 2, LENGTH)).astype(np.uint16), 0.0)
     flags = [skin.update_events([], [], k / 100).flags for k in range(1, 100)]
     assert "frozen" not in flags[5] and "frozen" in flags[-1]

@@ -56,7 +56,7 @@ def test_taxel_stays_active_over_an_invalid_reading(has_noise):
     skin, weak = sole(), pressed_everywhere(0.15)
     if has_noise:
         skin = counting_sole()
-        skin.tare(100 + np.rint(4 * np.random.default_rng(0).normal(size=(250, N))))
+        skin.tare(100 + np.rint(4 * np.random.default_rng(0).normal(size=(250, N))), accept=True)
         weak = skin.noise.mean + 2 * skin.noise.sigma
     skin.update(weak + 100, 0.0)
     invalid = weak.copy()
@@ -82,7 +82,7 @@ def test_saturation_counts_the_baseline():
     skin = counting_sole(response, switch_on=0.2)
     offsets = np.zeros(N)
     offsets[5], offsets[6] = 300.0, -300.0
-    skin.tare(offsets)
+    skin.tare(offsets, accept=True)
     frame = skin.update(offsets + 900.0, 0.0)
     assert frame.flags == frozenset()
     pressed = np.zeros(N)
@@ -149,17 +149,17 @@ def test_baseline_is_the_mean_of_the_valid_frames_of_a_taxel():
     skin = sole()
     rows = np.full((4, N), 2.0)
     rows[:, 1] = (np.nan, np.inf, 5.0, 7.0)
-    skin.tare(rows)
+    skin.tare(rows, accept=True)
     assert skin.forces(np.full(N, 10.0)).tolist() == [8.0, 4.0] + [8.0] * (N - 2)
 
 
 def test_baseline_of_an_invalid_taxel_stays():
     """A baseline of the wrong length changes nothing at all."""
     skin = sole()
-    skin.tare(np.full(N, 2.0))
+    skin.tare(np.full(N, 2.0), accept=True)
     invalid = np.full(N, 3.0)
     invalid[0] = np.nan
-    skin.tare(invalid)
+    skin.tare(invalid, accept=True)
     assert skin.forces(np.full(N, 3.0)).tolist() == [1.0] + [0.0] * (N - 1)
     frame = skin.update(np.full(N + 1, 3.0)[:5], 0.0)
     assert frame.flags == {"wrong_length"}
@@ -179,7 +179,7 @@ def test_masked_numbers_are_unknown():
     rest = np.ma.array(np.full((2, N), 3), mask=np.zeros((2, N), bool))
     rest[0, 4], rest[:, 5] = np.ma.masked, np.ma.masked
     rest.data[0, 4] = 90
-    skin.tare(rest)
+    skin.tare(rest, accept=True)
     assert skin.forces(np.full(N, 9.0)).tolist() == [6.0] * 5 + [9.0] + [6.0] * (N - 6)
 
 
@@ -382,7 +382,7 @@ def test_fault_that_shows_in_some_frames_stays_reported():
     """A byte around 127 that is read as signed is below rest in every other frame; the flag stays, and then goes."""
     skin = skin_of(sole_patch(), newtons=(0.0, 0.2))
     rng = np.random.default_rng(3)
-    skin.tare(rng.integers(10, 15, (250, N)).astype(np.uint8))
+    skin.tare(rng.integers(10, 15, (250, N)).astype(np.uint8), accept=True)
     for k in range(100):
         reading = rng.integers(10, 15, N).astype(np.uint8)
         reading[4] = 127 + (k % 5 == 0)

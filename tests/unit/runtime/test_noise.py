@@ -36,7 +36,7 @@ def half_pressed(rng):
 def test_noise_is_that_before_clipping(noise, offset):
     """Clipping at zero hides half of the noise; mean and standard deviation are those before, to a few percent."""
     rng, skin = np.random.default_rng(0), sole()
-    skin.tare(read(rng, FREE, noise, 250, offset))
+    skin.tare(read(rng, FREE, noise, 250, offset), accept=True)
     assert_allclose(skin.noise.mean.mean(), offset, atol=0.1 * noise)
     total = np.hypot(noise, np.sqrt(1 / 12))
     assert_allclose(skin.noise.sigma.mean(), total, rtol=0.08)
@@ -49,7 +49,7 @@ def test_levels_are_quantiles_of_the_noise():
     """Of so much noise that its deviation is known: the probabilities of the documentation, exact for normal noise."""
     rng, skin = np.random.default_rng(3), sole()
     noise, sigma, normal = 4.0, np.hypot(4.0, np.sqrt(1 / 12)), NormalDist()
-    skin.tare(read(rng, FREE, noise, 20_000, 50.0))
+    skin.tare(read(rng, FREE, noise, 20_000, 50.0), accept=True)
     learned = skin.noise
     pairs = len(skin.pairs)
     assert_allclose(learned.load_level, -normal.inv_cdf(2e-4) * sigma * NEWTONS * N**0.5, rtol=0.025)
@@ -66,7 +66,7 @@ def test_levels_are_quantiles_of_the_noise():
 def test_noise_of_free_taxels_moves_neither_load_nor_cop(cells, newtons, offset):
     """A few pressed cells, and loads below the noise of each cell: errors are zero on average, sigma holds 95 %."""
     rng, skin = np.random.default_rng(5), sole()
-    skin.tare(read(rng, FREE, frames=300, offset=offset))
+    skin.tare(read(rng, FREE, frames=300, offset=offset), accept=True)
     forces = np.where(np.arange(N) < cells, newtons, 0.0)
     point = forces @ skin.ground.centres / forces.sum()
     loads, cops, ratios = [], [], []
@@ -189,7 +189,7 @@ def test_noise_common_to_all_taxels_is_in_the_deviation_of_the_load():
         noise = rng.normal(size=(frames, N)) + rng.normal(size=(frames, 1))
         return np.rint(newtons / NEWTONS + 100 + 2 * noise / np.sqrt(2)).astype(int)
 
-    skin.tare(readings(FREE, 250))
+    skin.tare(readings(FREE, 250), accept=True)
     assert 3.5 < skin.noise.common < 6
     air = [skin.update(reading, 0.01 * k).stands for k, reading in enumerate(readings(FREE, 1000))]
     assert sum(air) <= 2
@@ -205,7 +205,7 @@ def test_heavy_tails_raise_the_thresholds():
     def readings(frames):
         return np.rint(100 + np.sqrt(2) * rng.standard_t(4, (frames, N))).astype(int)
 
-    skin.tare(readings(250))
+    skin.tare(readings(250), accept=True)
     assert ((skin.noise.sure - skin.noise.mean) / skin.noise.sigma > 8).all()
     assert ((skin.noise.lasting - skin.noise.mean) / skin.noise.sigma < 3).all()
     sure = [skin.update(r, 0.01 * k).sets.sure.any() for k, r in enumerate(readings(500))]
@@ -245,7 +245,7 @@ def test_dead_taxel_is_unknown_and_possibly_touched():
     rng, skin = np.random.default_rng(8), sole()
     rest = read(rng, FREE, frames=250)
     rest[:, 0], rest[:, 41] = 0, 900
-    skin.tare(rest)
+    skin.tare(rest, accept=True)
     assert skin.noise.dead.nonzero()[0].tolist() == [0, 41]
     reading = read(rng, np.where(np.abs(skin.positions[:, 0]) < 0.03, 20.0, 0.0))[0]
     reading[0], reading[41] = 0, 900
@@ -257,7 +257,7 @@ def test_dead_taxel_is_unknown_and_possibly_touched():
 def test_outer_polygon_contains_what_is_active():
     """A heel that fades to two standard deviations, with a loaded toe, stays a contact; no polygon leaves it out."""
     rng, skin = np.random.default_rng(8), sole()
-    skin.tare(read(rng, FREE, frames=250, offset=20.0))
+    skin.tare(read(rng, FREE, frames=250, offset=20.0), accept=True)
     heel, toe = (int(f(skin.positions[:, 0])) for f in (np.argmin, np.argmax))
     for k, counts in enumerate((40, 40, 3.6)):  # the noise has a standard deviation of 2
         forces = FREE.copy()
@@ -271,7 +271,7 @@ def test_outer_polygon_contains_what_is_active():
 def test_masked_taxel_is_possibly_touched(options):
     """The outer polygon of a foot that stands contains masked taxels; that of a free foot is empty."""
     rng, skin = np.random.default_rng(9), sole(**options)
-    skin.tare(read(rng, FREE, frames=250, offset=20.0))
+    skin.tare(read(rng, FREE, frames=250, offset=20.0), accept=True)
     skin.mask([skin.ids[0]])
     forces = np.where(skin.positions[:, 0] > 0.03, 20.0, 0.0)
     frame = skin.update(read(rng, forces, offset=20.0)[0], 0.0)
@@ -289,7 +289,7 @@ def test_noisy_taxel_has_its_own_thresholds():
     def readings(frames):
         return np.rint(200 + 2 * scale * rng.normal(size=(frames, N))).astype(int)
 
-    skin.tare(readings(250))
+    skin.tare(readings(250), accept=True)
     assert 15 < skin.noise.sigma[7] / np.median(skin.noise.sigma) < 25
     assert np.mean([bool(skin.update(r, 0.01 * k).touched) for k, r in enumerate(readings(500))]) <= 2e-3
 
@@ -298,7 +298,7 @@ def test_noisy_taxel_has_its_own_thresholds():
 def test_drift_of_the_free_taxels_is_reported(drift):
     """A common drift by one standard deviation looks like a load; two seconds later nothing is guaranteed."""
     rng, skin = np.random.default_rng(11), sole()
-    skin.tare(read(rng, FREE, frames=250, offset=50.0))
+    skin.tare(read(rng, FREE, frames=250, offset=50.0), accept=True)
     for k in range(200):
         frame = skin.update(read(rng, FREE, offset=50.0)[0], 0.01 * k)
         assert "drift" not in frame.flags
@@ -317,7 +317,7 @@ def test_falling_response_and_table_have_detection_limits_in_newtons():
     frame = falling.update(np.full(N, 900), 0.0)
     assert frame.stands and frame.sets.sure.all()
     bent = sole(ResponseTable((0.0, 20.0, 100.0), (0.0, 1.0, 41.0)))
-    bent.tare(np.rint(2 + rng.normal(size=(250, N)) / 2).astype(int))
+    bent.tare(np.rint(2 + rng.normal(size=(250, N)) / 2).astype(int), accept=True)
     pressed = bent.update(np.full(N, 62), 0.0)
     assert_allclose(pressed.force_sigmas, 10 * 0.05 * bent.noise.sigma, rtol=1e-9)
 
@@ -364,7 +364,7 @@ def test_noise_common_to_neighbours_makes_no_pairs():
     def readings(frames):
         return np.rint(100 + np.sqrt(2) * (rng.normal(size=(frames, N)) + rng.normal(size=(frames, 1))))
 
-    skin.tare(readings(250))
+    skin.tare(readings(250), accept=True)
     above = readings(40000) > skin.noise.pair
     both = (above[:, skin.pairs[:, 0]] & above[:, skin.pairs[:, 1]]).any(axis=1)
     assert both.mean() < 4e-4
@@ -409,7 +409,7 @@ def test_three_frames_of_noise_rarely_make_a_free_taxel_sure(correlation):
         noise[k] = correlation * noise[k - 1] + np.sqrt(1 - correlation**2) * noise[k]
     readings = np.rint(100 + 2 * noise)
     skin = sole()
-    skin.tare(readings[:250])
+    skin.tare(readings[:250], accept=True)
     above = readings[250:] > skin.noise.lasting
     wrong = (above[2:] & above[1:-1] & above[:-2]).any(axis=1).mean()
     assert wrong < 3e-4
@@ -421,7 +421,9 @@ def test_repeated_frames_at_rest_are_no_more_frames():
     distance = {}
     for frames, times in ((250, 1), (25, 1), (25, 10)):
         skin = sole()
-        skin.tare(np.repeat(read(np.random.default_rng(21), FREE, frames=frames, offset=100), times, axis=0))
+        skin.tare(
+            np.repeat(read(np.random.default_rng(21), FREE, frames=frames, offset=100), times, axis=0), accept=True
+        )
         distance[frames, times] = np.median((skin.noise.sure - skin.noise.mean) / skin.noise.sigma)
     assert distance[25, 10] > distance[250, 1] + 0.5 * (distance[25, 1] - distance[250, 1])
 
@@ -493,7 +495,7 @@ def test_only_a_rest_teaches_the_noise(kind, counts):
 def rested(rng, noise=2.0, offset=0.0, frames=250):
     """Return a sole that has learned its noise."""
     skin = sole()
-    skin.tare(read(rng, FREE, noise, frames, offset))
+    skin.tare(read(rng, FREE, noise, frames, offset), accept=True)
     return skin
 
 
@@ -563,7 +565,7 @@ def test_below_rest_follows_a_response_that_falls():
     """Where readings fall with the force, below rest is above the reading at rest."""
     rng = np.random.default_rng(8)
     skin = sole(ResponseTable((0.0, 4095.0), (800.0, 0.0)))
-    skin.tare(4000 + np.rint(2 * rng.normal(size=(250, N))).astype(int))
+    skin.tare(4000 + np.rint(2 * rng.normal(size=(250, N))).astype(int), accept=True)
     assert "below_rest" not in skin.update(np.full(N, 3900), 0.0).flags
     assert "below_rest" in skin.update(np.where(np.arange(N) == 3, 4090, 4000), 0.01).flags
 
@@ -611,7 +613,7 @@ def test_skewed_noise_raises_the_level_of_the_load(side):
 
     rng, skin = np.random.default_rng(22), sole()
     noise = rng.permutation(gamma.ppf((np.arange(5000) + 0.5) / 5000, 4) - 4)  # of standard deviation 2
-    skin.tare(np.rint(500 + 20 * side * noise[:, None] + rng.normal(size=(5000, N))))
+    skin.tare(np.rint(500 + 20 * side * noise[:, None] + rng.normal(size=(5000, N))), accept=True)
     quantile = norm.isf(2e-4)
     expected = quantile + (quantile**2 - 1) * (side > 0) / 6
     assert_allclose(skin.noise.load_level, expected * 40 * NEWTONS * N, rtol=0.01)

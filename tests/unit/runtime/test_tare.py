@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from skin_calib_addon.calibration import Response
 from skin_calib_addon.common.errors import InvalidReading
-from tests.soles import skin_of, sole_patch
+from tests.soles import counting_sole, skin_of, sole_patch
 
 N = 42
 
@@ -54,7 +55,7 @@ def test_noise_of_any_kind_is_rest(kind):
     rng = np.random.default_rng(4)
     for frames in (8, 20, 250):
         for _ in range(5):
-            sole().tare(rng.uniform(-20, 20, N) + 2 * NOISE[kind](rng, (frames, N)))
+            sole().tare(rng.uniform(-20, 20, N) + 2 * NOISE[kind](rng, (frames, N)), accept=True)
 
 
 @pytest.mark.parametrize("kind", PRESSES)
@@ -72,7 +73,7 @@ def test_contact_during_a_tare_is_refused(kind, count, noise):
     assert skin.noise is None and skin.forces(np.full(N, 5.0)).sum() == pytest.approx(5 * N)
     skin.mask(skin.ids[:count])
     if count < N:
-        skin.tare(rows)  # what presses on defective taxels does not count
+        skin.tare(rows, accept=True)  # what presses on defective taxels does not count
 
 
 def test_slow_frames_of_a_walk_are_refused():
@@ -92,7 +93,7 @@ def test_silent_sensors_show_a_contact():
         rows[20:, :count] = 9
         with pytest.raises(InvalidReading, match="changes by 9 N"):
             sole().tare(rows)
-    sole().tare(rows[20:])
+    sole().tare(rows[20:], accept=True)
 
 
 def test_taxels_that_send_in_turn_are_at_rest():
@@ -111,3 +112,62 @@ def test_missing_numbers_do_not_hide_a_contact():
     rows[30:50, 3] += 60
     with pytest.raises(InvalidReading, match="changes by 6. N on sole.3. Use a second"):
         sole().tare(rows)
+
+
+def test_tare_under_a_load_is_refused_unless_it_is_accepted():
+    """A standing foot, an even load that no taxel shows, and a sensor with offsets, which only its user knows."""
+    rng = np.random.default_rng(5)
+    noise = rng.normal(size=(250, N)) * 0.4
+    for forces, words in (
+        (np.linspace(5, 35, N), "neighbours are alike, as under a contact"),
+        (np.full(N, 1.0), "those of 42"),
+        (np.full(N, 0.5), "those of 21"),
+        (np.where(np.arange(N) == 7, 3.0, 0.0), "3 N on sole.7, and the means of 1 taxel"),
+    ):
+        skin = sole(switch_on=None, switch_off=None)
+        with pytest.raises(InvalidReading, match=words):
+            skin.tare(noise + forces)
+        assert skin.noise is None
+        tare = skin.tare(noise + forces, accept=True)
+        assert tare.noise is skin.noise and tare.frames == 250 and words in tare.warnings[0]
+        assert tare.forces == pytest.approx(forces, abs=0.15) and not skin.update(noise[0] + forces, 0.0).touched
+    assert sole().tare(noise).warnings == ()
+
+
+def test_even_load_at_the_start_is_not_learnt():
+    """No taxel shows it, but the sum of all does."""
+    rng = np.random.default_rng(5)
+    for newtons, learns in ((0.0, True), (0.5, False), (1.0, False)):
+        skin = sole(switch_on=None, switch_off=None)
+        for k in range(300):
+            frame = skin.update(newtons + 0.4 * rng.normal(size=N), 0.004 * k)
+        assert (skin.noise is not None) == learns and ("noise_unknown" in frame.flags) != learns
+
+
+COUNTS = Response((0.0, 0.2), (0.0, 4095.0))
+
+
+@pytest.mark.parametrize(
+    "response, scale, kind, words",
+    [
+        (COUNTS, 1, np.uint16, None),
+        (COUNTS, 1, np.uint8, "up to 255, the response needs 4095"),
+        (COUNTS, 16, np.uint16, "multiples of 16"),
+        (COUNTS, 16, float, "multiples of 16"),
+        (Response((0.0, 0.2 / 16), (0.0, 65520.0)), 16, np.uint16, None),
+        (COUNTS, 0.2, float, "have fractions, the response is for whole numbers up to 4095"),
+        (Response((0.0, 1.0)), 0.2, float, None),
+    ],
+)
+def test_readings_in_another_unit_are_refused(response, scale, kind, words):
+    """Eight bits for twelve, numbers at the left of their word, newtons for counts: each would give a wrong force."""
+    counts = np.maximum(np.rint(2 * np.random.default_rng(6).normal(size=(250, N))), 0)
+    skin, rows = counting_sole(response), (counts * scale).astype(kind)
+    if words is None:
+        assert skin.tare(rows).warnings == ()
+        return
+    with pytest.raises(InvalidReading, match=words):
+        skin.tare(rows)
+    for k, row in enumerate(rows):
+        skin.update(row, 0.004 * k)
+    assert skin.noise is None
