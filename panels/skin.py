@@ -30,6 +30,7 @@ RARE = (
     "trim",
     "overlap",
     "max_overhang",
+    "max_load",
     "offset",
     "registration",
     "first_channel",

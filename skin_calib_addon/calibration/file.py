@@ -229,6 +229,7 @@ def _patch_document(patch: Patch) -> Document:
         "pitch": _floats(patch.pitch),
         **({"offset": float(patch.offset)} if patch.offset else {}),
         **({"registration": _numbers(patch.registration, _REGISTRATION)} if patch.registration else {}),
+        **({"max_load": float(patch.max_load)} if patch.max_load else {}),
         "taxels": columns,
         **_free(patch.extra),
     }
@@ -255,6 +256,7 @@ def _patch(document: Document) -> Patch:
         pitch=_pair(document["pitch"], float),
         offset=float(document.get("offset", 0.0)),
         registration=_registration(document["registration"]) if "registration" in document else None,
+        max_load=float(document["max_load"]) if "max_load" in document else None,
         taxels=taxels,
         extra=_extra(document),
     )

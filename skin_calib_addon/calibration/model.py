@@ -172,6 +172,7 @@ class Patch:
     extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, unchanged
     offset: float = 0.0  # height of the middle plane of the skin above the surface [m]
     registration: Registration | None = None  # which the uncertainties of the taxels assume; None: not stated
+    max_load: float | None = None  # largest plausible load [N]; None: by the area
 
 
 @dataclass(frozen=True, eq=False)

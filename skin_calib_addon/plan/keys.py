@@ -503,6 +503,15 @@ MAX_OVERHANG = Key(
     first=0.001,
     switch=Switch("any_overhang", "Any Overhang"),
 )
+MAX_LOAD = Key(
+    "max_load",
+    Type("force", "force", {"type": "number", "exclusiveMinimum": 0, "maximum": 1000000}, "N", digits=1),
+    "Largest plausible load on the skin. The runtime trusts no frame with more: readings in another unit show.",
+    default=None,
+    otherwise="200 kPa on the area of all cells, 100 N at least",
+    first=1000.0,
+    switch=Switch("auto_load", "Usual Load"),
+)
 SHEET = Record(
     "sheet",
     "Sheet",
@@ -555,6 +564,7 @@ SHEET = Record(
             default=False,
         ),
         MAX_OVERHANG,
+        MAX_LOAD,
         OFFSET,
         REGISTRATION,
         FIRST_CHANNEL,
@@ -625,6 +635,7 @@ BOARDS = Record(
             labels=("Excluded Zone",),
         ),
         MAX_OVERHANG,
+        MAX_LOAD,
         OFFSET,
         REGISTRATION,
         FIRST_CHANNEL,
@@ -692,6 +703,7 @@ IMPORTED = Record(
             "Whether taxels are moved to the surface; otherwise they stay, and their distance from it is reported.",
             default=False,
         ),
+        MAX_LOAD,
         REGISTRATION,
         FIRST_CHANNEL,
         SINGLE_TAXELS,

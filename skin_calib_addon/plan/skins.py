@@ -39,6 +39,7 @@ class OnSurface:
     surface: str | None = None  # name of the surface it is on; None: the first of the plan
     first_channel: int | None = None  # None: after the skin before; channels of a file count from there
     max_overhang: float | None = None  # of a cell or a board over an edge; more is an error [m]; None: any
+    max_load: float | None = None  # largest plausible load [N]; None: by the area
     registration: Mounting | None = None  # None: with the usual uncertainty, or that of two landmarks
     taxels: tuple[SingleTaxel, ...] = ()  # those that differ from the others
 

@@ -12,7 +12,7 @@ from .plane import MIN_DOWNWARD, Plane
 from .polygon import EMPTY_POLYGON, PolygonTable, convex_hull
 
 if TYPE_CHECKING:
-    from ..calibration.model import LinkCalibration
+    from ..calibration.model import LinkCalibration, Patch
 
 # Fraction of the largest force (or moment) component from which on a component of the wrench counts as observed.
 # Larger: a slightly curved sole counts as flat; smaller: noise of the normals counts as an observed component.
@@ -23,6 +23,11 @@ MAX_MOMENT_CONDITION = 1e6
 # Ratio of the smaller to the larger spread of the neighbours of a taxel below which they are in one row, squared.
 # Smaller: a pressure gradient across a nearly straight row is estimated too.
 MIN_CELL_SPREAD = 1e-3
+# [Pa] Largest plausible mean pressure on all cells of a patch, if its calibration states no load. A person stands with
+# 30 kPa. Larger: readings in another unit are found under larger loads; smaller: impacts are flagged.
+USUAL_MAX_PRESSURE = 2e5
+# [N] Load that is plausible on a patch of any size: a strong pinch on a finger. As above.
+MIN_MAX_LOAD = 100.0
 
 
 class SkinGeometry:
@@ -48,6 +53,7 @@ class SkinGeometry:
         self.normals = np.concatenate([np.empty((0, 3)), *(t.normals_link for t in taxels)])
         self.areas = np.concatenate([np.empty(0), *(t.areas for t in taxels)])
         self.corners = _padded([t.corners_link for t in taxels])
+        self.max_load = sum(_max_load(patch) for patch in calibration.patches)  # largest plausible one [N]
         self.patch = np.repeat(np.arange(len(taxels)), [len(t.ids) for t in taxels])
         self.index = np.concatenate([np.empty((0, 2), np.int64), *(t.index for t in taxels)])
         row = {name: i for i, name in enumerate(self.ids)}
@@ -111,6 +117,12 @@ class SkinGeometry:
         step = np.abs(np.diff(self.index[in_patch], axis=1)[:, 0]).max(axis=0, initial=0)
         rows, columns = (int(s) + 1 if s > 1 else 0 for s in step)
         return rows, columns
+
+
+def _max_load(patch: "Patch") -> float:
+    """Return the largest plausible load on a patch [N]."""
+    usual = max(USUAL_MAX_PRESSURE * float(patch.taxels.areas.sum()), MIN_MAX_LOAD)
+    return usual if patch.max_load is None else patch.max_load
 
 
 def _padded(groups: list[Array]) -> Array:

@@ -436,6 +436,8 @@ class Skin:
             raw, unchanged, signals, sets.active, noise, time, self._clock.period
         )
         flags |= faults
+        if sets.pushes.sum() > self.geometry.max_load:
+            flags |= {"overload"}
         if noise is None and not self._has_thresholds:
             flags |= {"noise_unknown"}
         if self._readings.drift.is_reported:

@@ -127,6 +127,8 @@ def _numbers(key: Key) -> Any:
     schema = key.type.schema.get("items", key.type.schema)
     if key.type.is_length and schema.get("minimum", schema.get("exclusiveMinimum", -1)) >= 0:
         options |= {"min": 0}  # the other limits are in metres, which a property does not know
+    if key.type.kind == "force":
+        options |= {"min": 0, "max": schema["maximum"]}
     if not key.type.shape:
         digits = {} if key.type.kind == "angle" else {"precision": key.type.digits}
         return FloatProperty(default=key.shown_first or 0.0, **digits, **options)
@@ -140,6 +142,7 @@ UNITS: dict[tuple[str, tuple[int, ...]], dict[str, Any]] = {
     ("length", (2,)): {"unit": "LENGTH"},
     ("length", (3,)): {"subtype": "TRANSLATION", "unit": "LENGTH"},
     ("angle", ()): {"subtype": "ANGLE"},
+    ("force", ()): {},
     ("direction", (3,)): {"subtype": "XYZ"},
     ("rotation", (3, 3)): {},
 }
@@ -154,6 +157,7 @@ PROPERTIES: dict[str, Callable[[Key], Any]] = {
     "count": _count,
     "length": _numbers,
     "angle": _numbers,
+    "force": _numbers,
     "direction": _numbers,
     "rotation": _numbers,
 }

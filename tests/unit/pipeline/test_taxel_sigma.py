@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration.exchange.table import write_table
-from skin_calib_addon.calibration.file import load_calibration, save_calibration
+from skin_calib_addon.calibration.file import from_document, load_calibration, save_calibration, to_document
 from skin_calib_addon.calibration.model import Patch
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.common.mesh_uncertainty import MeshUncertainty
@@ -67,6 +67,13 @@ def test_registration_is_that_of_the_skin(tmp_path):
     marked = made(bare | {"landmarks": marks, "direction": [0, 1, 0]}, tmp_path).calibration.patches[0]
     assert_allclose(marked.registration.anchor, (RADIUS, 0, 0.03), atol=2e-6)
     assert_allclose(marked.registration.direction, np.sqrt(2) * 1e-3 / 0.024, rtol=1e-9)
+
+
+def test_largest_load_of_the_plan_is_that_of_the_patch(tmp_path):
+    """The file keeps it for the runtime; without the key it has none."""
+    for key, stated in (({"max_load": 250.0}, 250.0), ({}, None)):
+        result = made(SHEET | key, tmp_path).calibration
+        assert from_document(to_document(result)).patches[0].max_load == stated
 
 
 STATED = {"origin": 3e-4, "direction": 0.005}

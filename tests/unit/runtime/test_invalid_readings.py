@@ -5,6 +5,7 @@ Each problem is a flag, nothing raises an error, and the state of the skin stays
 
 import gc
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,11 +15,13 @@ from hypothesis.extra import numpy as hnp
 
 from skin_calib_addon.calibration import Response, ResponseTable, TaxelResponses
 from skin_calib_addon.common.errors import InvalidReading, UnknownTaxel
+from skin_calib_addon.runtime import Skin
 from skin_calib_addon.runtime.clock import Clock
+from tests.samples import plane, small_calibration
 from tests.soles import counting_sole, skin_of, sole_patch
 
 N = 42
-FLAGS = {"wrong_type", "wrong_length", "not_finite", "too_large", "blind", "saturated", "stuck", "lost"}
+FLAGS = {"wrong_type", "wrong_length", "not_finite", "too_large", "blind", "saturated", "stuck", "lost", "overload"}
 FLAGS |= {"below_rest", "byte_order", "time_not_finite", "time_still", "time_back", "time_jump", "dropped"}
 
 
@@ -356,7 +359,7 @@ def test_force_that_no_skin_can_bear_is_left_out(side, most):
     assert skin.areas[0] == pytest.approx(1.5 * 3**0.5 * side**2)
     for force, flags in ((0.99 * most, frozenset()), (1.01 * most, {"too_large"})):
         frame = skin.update(np.where(np.arange(N) == 7, force, 2.0), 0.0)
-        assert frame.flags - {"time_still", "lost"} == flags and frame.known[7] == (not flags)
+        assert frame.flags - {"time_still", "lost", "overload"} == flags and frame.known[7] == (not flags)
 
 
 def test_range_of_a_response_states_what_the_skin_can_bear():
@@ -364,7 +367,7 @@ def test_range_of_a_response_states_what_the_skin_can_bear():
     response = Response((0.0, 1.0), (0.0, 9000.0))
     skin = counting_sole(response, switch_on=0.2)
     frame = skin.update(np.full(N, 8990.0), 0.0)
-    assert frame.flags == frozenset() and frame.known.all()
+    assert frame.flags == {"overload"} and frame.known.all()
 
 
 @pytest.mark.parametrize("response", [Response((0.0, 0.2)), ResponseTable((0.0, 100.0, 255.0), (30.0, 4.0, 0.0))])
@@ -401,3 +404,17 @@ def test_readings_too_large_to_square_are_no_rest():
     reading[3] = 1e200
     frames = [skin.update(reading + k % 2, 0.01 * k) for k in range(100)]
     assert frames[-1].flags >= {"noise_unknown"}
+
+
+@pytest.mark.parametrize("stated", [None, 300.0])
+def test_load_that_no_foot_bears_is_not_trusted(stated):
+    """200 kPa on the area by default, or the load that the calibration states: readings 16 times too large show."""
+    patch = replace(sole_patch(), max_load=stated)
+    calibration = small_calibration(patches=(patch,), surfaces=(plane(),), response=Response((0.0, 0.2)))
+    limit = stated or 2e5 * patch.taxels.areas.sum()
+    assert stated or 5700 < limit < 5900
+    for load, is_plausible in ((0.95 * limit, True), (1.05 * limit, False)):
+        skin = Skin(calibration)
+        skin.tare(np.maximum(np.rint(2 * np.random.default_rng(0).normal(size=(250, N))), 0))
+        frame = skin.update(np.full(N, load / N / 0.2), 0.0)
+        assert ("overload" not in frame.flags) == is_plausible == bool(len(frame.polygon.guaranteed.corners))
