@@ -12,6 +12,7 @@ from .plane import Plane
 from .polygon import Polygon, convex_hull
 from .skin import Skin, load
 from .tare import Tare
+from .trusted import Trusted
 
 __all__ = [
     "Batch",
@@ -28,6 +29,7 @@ __all__ = [
     "SkinGeometry",
     "SupportingPolygon",
     "Tare",
+    "Trusted",
     "convex_hull",
     "load",
     "zero_moment_point",

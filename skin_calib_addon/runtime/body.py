@@ -17,6 +17,7 @@ from .plane import Plane
 from .polygon import EMPTY_POLYGON, Polygon, convex_hull
 from .poses import checked_pose
 from .skin import Skin
+from .trusted import Trusted, trusted_together
 from .wrench import carried
 
 if TYPE_CHECKING:
@@ -55,6 +56,26 @@ class BodyFrame:
         lock(*self.poses.values())
         for name in ("links", "poses", "lost"):
             object.__setattr__(self, name, MappingProxyType(getattr(self, name)))
+
+    @cached_property
+    def trusted(self) -> Trusted:
+        """Which statements hold of all links together: its point and polygon are those of the links with a ground.
+
+        Feet that are not coplanar take ``guaranteed`` away, and a link whose contact is not known all but that, or that
+        too if it may stand.
+        """
+        each = {name: frame.trusted for name, frame in self.links.items()}
+        links = trusted_together(each)
+        feet = trusted_together({n: t for n, t in each.items() if self.links[n].ground is not None})
+        is_known, is_flat = not self.lost_feet, "not_coplanar" not in self.flags
+        why = {*links.why, *(() if is_flat else ("not_coplanar",)), *self.lost}
+        return Trusted(
+            links.touched and not self.lost,
+            links.wrench and not self.lost,
+            feet.point and is_known,
+            feet.guaranteed and is_known and is_flat,
+            tuple(sorted(why)),
+        )
 
     @cached_property
     def wrench(self) -> Array | None:

@@ -15,13 +15,11 @@ from .geometry import GroundGeometry, Terms, products_of
 from .modalities import ModalityValues
 from .noise import GUARANTEED_PROBABILITY, OUTER_PROBABILITY, Noise
 from .touched import Touched
+from .trusted import NOT_GUARANTEED, Trusted, trusted_of
 
 # [N] Load below which there is no CoP while the noise is not known.
 # Larger: a foot that carries little has no CoP; smaller: its CoP is noisier.
 MIN_LOAD = 5.0
-
-# Flags of frames that guarantee nothing: the readings of free taxels are no longer those at rest, or are old.
-UNTRUSTED = frozenset({"drift", "frozen", "byte_order", "overload"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +76,11 @@ class Frame:
         return None if self.problem is not None else False
 
     @property
+    def trusted(self) -> Trusted:
+        """Which statements of the frame hold, and which flags take the others away. It is true if all hold."""
+        return trusted_of(self.flags, self.touched)
+
+    @property
     def active(self) -> BoolArray:
         """Whether each taxel is part of a contact, (n,)."""
         return np.zeros(len(self.forces), bool) if self.footprint is None else self.footprint.active.copy()
@@ -98,7 +101,7 @@ class Frame:
         ground, sets = self.ground, self.sets
         if ground is None or sets is None:
             return NO_POLYGON
-        standing, sure = ground.can_stand, sets.sure if UNTRUSTED.isdisjoint(self.flags) else None
+        standing, sure = ground.can_stand, sets.sure if NOT_GUARANTEED.isdisjoint(self.flags) else None
         has_probability = sure is not None and sets.stands is not None
         probabilities = (OUTER_PROBABILITY, GUARANTEED_PROBABILITY) if has_probability else (None, None)
         nominal = sets.active & standing
