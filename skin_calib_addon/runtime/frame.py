@@ -28,16 +28,8 @@ class Frame:
 
     Its arrays are read-only, because later frames use some of them.
 
-    ``flags`` has every problem. Of the reading: ``wrong_type``, ``wrong_length``, ``not_finite`` (some taxels sent NaN
-    or infinity, or are masked in a masked array), ``too_large`` (some forces are impossible), ``blind`` (no taxel has a
-    force), ``lost`` (taxels without a valid reading may carry much of the load), ``modality`` (the reading of a
-    modality was refused, see its ``problem``), ``overload`` (the force is larger than is plausible; nothing is
-    guaranteed), ``saturated``, ``stuck`` (the reading of an active taxel does not change, as noise or 30 s would
-    demand), ``byte_order`` (the two bytes of the readings are in the wrong order; nothing is guaranteed),
-    ``below_rest`` (some taxels read less than without contact). Of the noise: ``noise_unknown`` (nothing is
-    guaranteed), ``dead`` (some taxels did not change at rest), ``drift`` (nothing is guaranteed), ``frozen`` (all
-    readings stay the same although they have noise; nothing is guaranteed). Of the time: ``time_not_finite``,
-    ``time_still``, ``time_back``, ``time_jump``, ``dropped``.
+    ``flags`` names every problem, and :attr:`trusted` says what it takes away. The page "Runtime" of the documentation
+    has the meaning of each flag.
     """
 
     time: float  # [s]

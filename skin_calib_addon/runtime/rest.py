@@ -1,5 +1,6 @@
 """Decide which readings are those of a skin without contact, for a tare and for noise that a skin learns by itself."""
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +28,9 @@ MIN_QUIET_CHANGE = 0.25
 MIN_SPREAD = 1e-12
 # [s] Shortest rest before a tare from which noise is learned. Larger: the skin is without statements for longer.
 MIN_REST = 0.5
+# [s] Time without drift after a contact, which shows that the first quiet frames were without load. It is above the
+# time after which a drift is reported. Larger: nothing is guaranteed for longer.
+LIFT_TIME = 2.0
 # [s] Shortest period of the frames that are stored for it. Larger: fewer frames of a fast skin are stored.
 REST_PERIOD = 0.0035
 # [frames] Number of stored frames that ends the rest. Larger: better estimates, later.
@@ -76,6 +80,32 @@ class Rest:
     def clear(self) -> None:
         """Drop all frames: the skin was not free."""
         self._rows, self._times, self._next = [], [], MIN_FRAMES
+
+
+class Assumed:
+    """Whether the noise is that of first quiet frames, in which a light even load cannot be seen: until a lift."""
+
+    def __init__(self) -> None:
+        self.is_assumed = False
+        self._was_touched, self._free_since = False, math.inf
+
+    def begin(self) -> None:
+        """Assume the rest of the first frames."""
+        self.is_assumed, self._was_touched, self._free_since = True, False, math.inf
+
+    def end(self) -> None:
+        """Know the rest."""
+        self.is_assumed = False
+
+    def add(self, is_touched: bool, is_right: bool, time: float) -> None:
+        """Add a frame: after a contact, the skin is at this rest again, and the rest is right (or not), for a time."""
+        self._was_touched |= is_touched
+        if not (self._was_touched and not is_touched and is_right):
+            self._free_since = math.inf
+        elif time - self._free_since >= LIFT_TIME:
+            self.end()
+        else:
+            self._free_since = min(self._free_since, time)
 
 
 def contacts_during(rows: Array, responses: "TaxelResponses", is_whole: bool) -> Array:

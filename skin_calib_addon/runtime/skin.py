@@ -24,7 +24,7 @@ from .modalities import Modalities, ModalityValues, force_of, without_force
 from .noise import LOAD_LIMIT, Noise
 from .plane import Plane, ground_of
 from .readings import Learnt, Readings, Signals, force_sigmas, largest_of
-from .rest import Rest, contacts_during, is_rest
+from .rest import Assumed, Rest, contacts_during, is_rest
 from .tare import MAX_REST_FORCE, Tare, load_warnings, scale_warnings
 from .touched import (
     Evidence,
@@ -48,6 +48,8 @@ SWITCH_ON, SWITCH_OFF = 0.2, 0.1
 
 # Flags of frames that are not part of a rest.
 NOT_AT_REST = NO_PAST | {"byte_order"}
+# Flags of frames whose readings are not those of the rest that was learnt.
+NOT_THAT_REST = NOT_AT_REST | {"drift", "below_rest", "frozen"}
 
 
 def load(
@@ -144,6 +146,7 @@ class Skin:
         self._faults = Faults(self._readings.responses)
         self._modalities = Modalities(calibration.modalities, self.link, self.ids, self.channels)
         self._rest: Rest | None = None if self._has_thresholds else Rest()
+        self._assumed = Assumed()
         self._clock = Clock()
         self._identities = Identities(len(self.ids))
         self._active: BoolArray = np.zeros(len(self.ids), bool)
@@ -297,6 +300,7 @@ class Skin:
             )
         self._faults.byte_order.learn(rows)
         self._readings.learn(rest)
+        self._assumed.end()
         self._rest = None if self._has_thresholds or self.noise is not None else Rest()
         return Tare(len(rows), forces, rest.noise, warnings)
 
@@ -342,6 +346,7 @@ class Skin:
 
         baseline, noise = load_noise(path, self._checksum, self._readings.responses.sign)
         self._readings.restore(baseline, noise)
+        self._assumed.end()
         self._rest = None if self._has_thresholds or noise is not None else Rest()
 
     @property
@@ -442,6 +447,9 @@ class Skin:
             flags |= {"noise_unknown"}
         if self._readings.drift.is_reported:
             flags |= {"drift"}
+        if self._assumed.is_assumed:
+            self._assumed.add(bool(sets.stands), flags.isdisjoint(NOT_THAT_REST), time)
+            flags |= {"rest_assumed"} if self._assumed.is_assumed else set()
         terms = self._terms if self.ground is None or not footprint.is_full else self.ground.full_contact
         sums, problem, lost = terms.sums.dot(sets.pushes), None, None
         if not signals.is_complete:
@@ -542,6 +550,7 @@ class Skin:
         if (found := self._found_rest(rows)) is not None:
             self._faults.byte_order.learn(rows)
             self._readings.learn(found)
+            self._assumed.begin()
             self._rest = None if rest.is_complete else rest
         elif self.noise is None:
             rest.clear()

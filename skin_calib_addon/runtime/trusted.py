@@ -18,6 +18,7 @@ TAKES: dict[str, tuple[str, ...]] = {
     "below_rest": ("touched", "wrench", "point"),
     "lost": ("wrench", "point"),
     "noisy": ("wrench", "point"),
+    "rest_assumed": ("guaranteed",),
     "saturated": ("wrench", "point"),
 }
 NOT_GUARANTEED = frozenset(flag for flag, taken in TAKES.items() if "guaranteed" in taken)

@@ -129,7 +129,7 @@ def test_tutorials_show_what_their_programs_print(tmp_path, monkeypatch, capsys)
                         monkeypatch.setattr("sys.argv", arguments)
                         runpy.run_path(arguments[0], run_name="__main__")
             printed += capsys.readouterr().out
-    assert shown == 4
+    assert shown == 5
 
 
 @pytest.mark.parametrize("page", ["reference/window.md", "tutorial/blender.md", "how-to/planes.md", "how-to/boards.md"])

@@ -73,3 +73,22 @@ def test_body_trusts_what_all_links_have():
     assert trusted == Trusted(True, True, True, False, ("not_coplanar",))
     trusted = body.update({"left": FOOT}, 0.008, poses).trusted
     assert trusted == Trusted(False, False, False, False, ("right",))
+
+
+@pytest.mark.parametrize("even", [0.0, 0.3])
+def test_assumed_rest_guarantees_nothing_before_a_lift(even):
+    """Nobody knows whether the first quiet frames were without load: 0.3 N on each taxel is below the limit."""
+    rng, skin = np.random.default_rng(4), counting_sole()
+
+    def frames(load, count, start):
+        counts = np.maximum(np.rint(5 * (load + even * (start < 2)) + 2 * rng.normal(size=(count, N))), 0)
+        return [skin.update(row, start + 0.004 * k) for k, row in enumerate(counts)]
+
+    first = frames(0.0, 300, 0.0)[-1]
+    assert skin.noise is not None and first.trusted.why == ("rest_assumed",) and first.trusted.touched
+    stance = frames(20.0, 200, 1.2)[-1]
+    assert stance.trusted.wrench and not len(stance.polygon.guaranteed.corners)
+    assert "rest_assumed" in frames(0.0, 490, 2.0)[-1].flags
+    assert ("rest_assumed" in frames(0.0, 260, 3.96)[-1].flags) == bool(even)
+    if not even:
+        assert frames(20.0, 100, 5.0)[-1].polygon.guaranteed.kind == "area"
