@@ -135,7 +135,8 @@ class BodyFrame:
     def _sigma(self, point: Array | None, name: str) -> Array | None:
         """Return the standard deviations (2,) of the mean of points of the feet, weighted by their loads.
 
-        Each foot adds that of its point, and the distance of its point times that of its load.
+        Each foot adds that of its point, and the distance of its point times that of its load. A foot that does not
+        stand may carry a load that its noise hides, at its middle.
         """
         if point is None:
             return None
@@ -148,6 +149,10 @@ class BodyFrame:
             axes = self.ground.axes[:2] @ self.poses[link][:3, :3] @ foot.ground.plane.axes[:2].T
             apart = self._on_ground(link, own)[0] - point
             variance += (axes**2 @ spread**2) * (foot.load / total) ** 2 + (apart * load_sigma / total) ** 2
+        for link, foot in self.links.items():
+            if foot.ground is not None and foot.reason is not None and foot.load_sigma:
+                apart = self._on_ground(link, foot.ground.centres[foot.ground.can_stand].mean(axis=0))[0] - point
+                variance += (apart * foot.load_sigma / total) ** 2
         return locked(np.sqrt(variance))
 
     @cached_property

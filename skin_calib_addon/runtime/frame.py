@@ -224,6 +224,13 @@ class Frame:
         return covariances.tolist()
 
     @cached_property
+    def _hidden_load(self) -> float:
+        """Load that may press although no load differs from the noise, as its sum shows [N]."""
+        if self.noise is None or self.sets is None or self.sets.stands is not False:
+            return 0.0
+        return math.hypot(max(self.sets.excess, 0.0), self.noise.load_sigma)
+
+    @cached_property
     def wrench_sigma(self) -> Array | None:
         """Standard deviations (6,) of the wrench by noise and place in the cells [N, N m]; None if not known."""
         if self._variances is None or self.footprint is None or self.noise is None:
@@ -233,6 +240,8 @@ class Frame:
         squares = terms**2 @ variances * self.noise.common**2 + np.repeat((0.0, placed), 3)
         if self.lost is not None:
             squares += (terms @ self.lost) ** 2
+        if self._hidden_load:
+            squares += (self._hidden_load * terms.mean(axis=1)) ** 2
         if self.moments is None and self.ground is not None:  # the moments of the pressure gradient are left out
             squares += ((self.ground.in_cell.link[5:] - terms) @ self.pushes) ** 2
         return locked(np.sqrt(squares))
@@ -240,7 +249,7 @@ class Frame:
     @property
     def load_sigma(self) -> float | None:
         """Standard deviation of :attr:`load` by noise [N]; None if it is not known."""
-        return None if self._covariances is None else math.sqrt(self._covariances[0])
+        return None if self._covariances is None else math.hypot(math.sqrt(self._covariances[0]), self._hidden_load)
 
     @cached_property
     def cop_sigma(self) -> Array | None:

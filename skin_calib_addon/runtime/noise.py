@@ -95,6 +95,11 @@ class Noise:
     load_limit: float  # force from which on the sum of all taxels is a load [N]
 
     @property
+    def load_sigma(self) -> float:
+        """Standard deviation of the sum of all taxels at rest [N]."""
+        return self.load_limit / LOAD_LIMIT
+
+    @property
     def rate_limits(self) -> Array:
         """Rates (n,) of the force of one taxel up to which a load counts as drift [N/s]."""
         return locked(POSSIBLE * self.sigma * self.slopes / TRACKING_TIME)

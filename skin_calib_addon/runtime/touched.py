@@ -24,6 +24,7 @@ class Evidence(NamedTuple):
     weights: Array | None = None  # (..., n) of its force in the sums
     pushes: Array | None = None  # (..., n) its part of the sums [N]; of free taxels zero on average
     has_load: BoolArray | None = None  # (...) whether something is touched, or the sum of all taxels is a load
+    excess: Array | None = None  # (...) sum of all taxels above that at rest [N]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +37,7 @@ class Touched:
     weights: Array  # (n,) of its force in the sums
     pushes: Array  # (n,) its part of the sums [N]; of free taxels zero on average
     stands: bool | None
+    excess: float = 0.0  # sum of all taxels above that at rest [N]
 
     def __post_init__(self) -> None:
         lock(self.active, self.sure, self.possible, self.weights, self.pushes)
@@ -76,7 +78,9 @@ def by_noise(noise: Noise, neighbours: IntArray, signed: Array, forces: Array, k
     has_load = on.any(axis=-1) | (excess > noise.load_level)
     if not some(has_load):
         nothing, zeros = np.zeros(signed.shape, bool), np.zeros(signed.shape)
-        return Evidence(nothing, nothing if is_complete else ~known, nothing, lasting, nothing, zeros, zeros, has_load)
+        return Evidence(
+            nothing, nothing if is_complete else ~known, nothing, lasting, nothing, zeros, zeros, has_load, excess
+        )
     weights, pushes = noise.pushes(signed, forces, excess)
     is_free = ~has_load
     if some(is_free):
@@ -86,7 +90,7 @@ def by_noise(noise: Noise, neighbours: IntArray, signed: Array, forces: Array, k
         release |= ~known
         possible |= ~known
         pushes[~known] = 0.0
-    return Evidence(on, release, sure, lasting, possible, weights, pushes, has_load)
+    return Evidence(on, release, sure, lasting, possible, weights, pushes, has_load, excess)
 
 
 def _with_pairs(sure: BoolArray, pair: BoolArray, neighbours: IntArray) -> BoolArray:
@@ -135,8 +139,9 @@ def touched_by_load(active: BoolArray, forces: Array, known: BoolArray | None, i
 
 def touched_by_noise(evidence: Evidence, active: BoolArray, lasts: BoolArray) -> Touched:
     """Return what is touched in one frame; ``lasts`` (n,) has the taxels above ``lasting`` in three frames."""
-    _, _, sure, _, possible, weights, pushes, has_load = evidence
+    _, _, sure, _, possible, weights, pushes, has_load, excess = evidence
     assert sure is not None and possible is not None and weights is not None and pushes is not None
     if not has_load:
-        return Touched(active, active, active, weights, pushes, False)  # no taxel is active
+        assert excess is not None
+        return Touched(active, active, active, weights, pushes, False, float(excess))  # no taxel is active
     return Touched(active, sure | lasts, possible | lasts | active, weights, pushes, True)

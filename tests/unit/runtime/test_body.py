@@ -88,6 +88,24 @@ def test_deviations_of_a_body_are_those_of_repeated_readings():
         assert_allclose(stated, found, rtol=0.25)
 
 
+def test_load_below_the_noise_of_a_foot_is_in_the_deviation():
+    """The right foot carries 8 N, evenly, which its noise hides: the ZMP is off by more than that of the left foot."""
+    rng = np.random.default_rng(7)
+    forces, poses = {"left": 4.0, "right": 0.2}, {"left": pose(y=0.1), "right": pose(y=-0.1)}
+    body = Body({name: counting_sole() for name in forces})
+    for skin in body.skins.values():
+        skin.tare(np.rint(50 + 2 * rng.normal(size=(250, N))), accept=True)
+    true, ratios = 0.1 * (4.0 - 0.2) / 4.2, []
+    for k in range(100):
+        readings = {n: np.rint(50 + f / 0.2 + 2 * rng.normal(size=N)) for n, f in forces.items()}
+        frame = body.update(readings, 0.01 * k, poses)
+        if frame.standing == ("left",):
+            ratios.append(abs(frame.zmp[1] - true) / frame.zmp_sigma[1])
+            hidden = frame.links["right"]
+            assert hidden.load == 0 and hidden.load_sigma > 2 and hidden.wrench_sigma[2] > 2
+    assert len(ratios) > 50 and max(ratios) < 3.5 and np.mean(ratios) < 1.3
+
+
 def test_foot_in_the_air_is_left_out():
     """A foot in the air is not part of ZMP and polygon, and gives no flag."""
     body = feet()
