@@ -83,7 +83,7 @@ def evaluate(xp: ModuleType, c: dict[str, Any], readings: Any, rounds: int = 32)
     readings : array, shape (T, channels)
         In the precision of the constants.
     rounds : int
-        Number of times that contacts pass their number to neighbours. A contact with a longer way inside counts as
+        Number of times that contacts pass their number to neighbours. A contact with a longer path inside counts as
         several.
 
     Returns
