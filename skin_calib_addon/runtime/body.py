@@ -219,7 +219,7 @@ class Body:
         self.warnings: tuple[Warning, ...] = ()
 
     @classmethod
-    def load(cls, path: str | Path, ground: Plane | None = None) -> "Body":
+    def load(cls, path: str | Path, ground: Plane | None = None, noise: str | Path | None = None) -> "Body":
         """Return the skins of all links of a robot.
 
         Its ``warnings`` are about the links together: a calibration in the folder that ``robot.json`` does not list,
@@ -231,6 +231,8 @@ class Body:
             Of ``robot.json``, which ``skin-calib fit`` writes, or of its folder.
         ground : Plane, optional
             As for :class:`Body`.
+        noise : path, optional
+            Of a folder with ``LINK.noise.json``, see :meth:`.Skin.load_noise`. A link without a file learns its noise.
 
         Raises
         ------
@@ -242,6 +244,9 @@ class Body:
         calibrations, warnings = load_links(path)
         body = cls({name: Skin(calibration) for name, calibration in calibrations.items()}, ground)
         body.warnings = warnings
+        for name, skin in body.skins.items() if noise is not None else ():
+            if (file := Path(noise, f"{name}.noise.json")).exists():
+                skin.load_noise(file)
         return body
 
     @property

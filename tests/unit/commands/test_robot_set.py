@@ -88,6 +88,19 @@ def test_check_warns_of_channels_that_two_links_without_a_bus_use(robot, capsys)
     assert set(Body.load(robot / "out").skins) == set(LINKS)
 
 
+def test_body_loads_the_noise_of_its_links(robot):
+    """Of those that have a file in the folder; the file of another link is refused."""
+    out, rows = robot / "out", np.random.default_rng(0).normal(size=(100, 500))
+    body = Body.load(out)
+    body.skins["arm"].tare(rows[:, : body.skins["arm"].reading_length])
+    body.skins["arm"].save_noise(out / "arm.noise.json")
+    skins = Body.load(out, noise=out).skins
+    assert skins["arm"].noise is not None and skins["hand"].noise is None
+    shutil.copy(out / "arm.noise.json", out / "hand.noise.json")
+    with pytest.raises(CalibrationFormatError, match="hand.noise.json"):
+        Body.load(out, noise=out)
+
+
 def test_calibration_whose_plan_is_lost_is_named(robot, capsys):
     """By check and fit, as long as there are other plans; a folder of calibrations alone is one for a controller."""
     path = next(robot.glob("*.plan.json"))
