@@ -244,9 +244,10 @@ class Body:
         calibrations, warnings = load_links(path)
         body = cls({name: Skin(calibration) for name, calibration in calibrations.items()}, ground)
         body.warnings = warnings
-        for name, skin in body.skins.items() if noise is not None else ():
-            if (file := Path(noise, f"{name}.noise.json")).exists():
-                skin.load_noise(file)
+        if noise is not None:
+            for name, skin in body.skins.items():
+                if (file := Path(noise, f"{name}.noise.json")).exists():
+                    skin.load_noise(file)
         return body
 
     @property
