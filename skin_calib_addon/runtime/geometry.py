@@ -68,6 +68,7 @@ class SkinGeometry:
         heights = (self.normals * self.positions).sum(axis=1, keepdims=True)
         ones = np.ones((len(self.ids), 1))
         self.terms = np.hstack((ones, self.positions, heights, self.wrenches)).T.copy()
+        self.mean_wrench = self.wrenches.mean(axis=0) if len(self.ids) else np.zeros(6)  # of 1 N on all taxels
         lock(*vars(self).values())
         self.scratch = np.full(len(self.ids) + 1, -1)
 
