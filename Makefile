@@ -5,6 +5,7 @@ PYTHON ?= $(shell for p in python3.13 python3.11 python3; do \
 	$$p -c 'import sys; sys.exit(sys.version_info[:2] not in [(3, 13), (3, 11)])' 2>/dev/null && echo $$p && break; done)
 VENV ?= .venv
 BIN = $(VENV)/bin
+CORE = $(VENV)/core-ready
 READY = $(VENV)/ready
 # The experiments of "make control", in control/examples/. A first look: make control OPTIONS="--seeds 1"
 CONTROL = landing impacts g1_landing balance g1 faults rates rates_others wrenches footholds replanning beam as_written planar_arm arm g1_arm
@@ -13,7 +14,7 @@ PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist workst
 
 .PHONY: demo test check check-second nightly everything docs format bench control control-test wheel extension samples clean
 
-demo: $(READY)  ## the main job on the sample: a calibration, a picture, a summary in out/
+demo: $(CORE)  ## the main job on the sample: a calibration, a picture, a summary in out/; installs no Blender
 	$(BIN)/python examples/demo.py
 
 test: $(READY)  ## the quick tests: they cover every module
@@ -66,9 +67,13 @@ extension: $(READY)  ## one zip per platform in dist/
 samples: $(READY)  ## make the sample scenes again
 	$(BIN)/python sample_scenes/make_samples.py
 
-$(READY): pyproject.toml
+$(CORE): pyproject.toml
 	@test -n "$(PYTHON)" || { echo "No Python 3.13 or 3.11 found: install one, or name it: make PYTHON=/path/to/python3.13"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[author,picture]'
+	touch $@
+
+$(READY): $(CORE)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[picture,blender,test,check]'
 	touch $@
 
