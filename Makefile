@@ -70,7 +70,7 @@ samples: $(READY)  ## make the sample scenes again
 $(CORE): pyproject.toml
 	@test -n "$(PYTHON)" || { echo "No Python 3.13 or 3.11 found: install one, or name it: make PYTHON=/path/to/python3.13"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[author,picture]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -e '.[author,picture]'
 	touch $@
 
 $(READY): $(CORE)
