@@ -12,13 +12,18 @@ CONTROL = landing impacts g1_landing balance g1 faults rates rates_others wrench
 # One process for each processor, or PYTEST_XDIST_AUTO_NUM_WORKERS of them, each with one thread for linear algebra.
 PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist worksteal
 
-.PHONY: demo test check check-second nightly everything docs format bench control control-test wheel extension samples clean
+.PHONY: demo test runtime-test check check-second nightly everything docs format bench control control-test wheel extension samples clean
 
 demo: $(CORE)  ## the main job on the sample: a calibration, a picture, a summary in out/; installs no Blender
 	$(BIN)/python examples/demo.py
 
 test: $(READY)  ## the quick tests: they cover every module
 	$(PYTEST) -m "not slow and not nightly and not window"
+
+runtime-test:  ## the tests of the runtime, with any Python from 3.10 on
+	$(PYTHON) -m venv .venv-runtime
+	.venv-runtime/bin/python -m pip install --quiet --disable-pip-version-check -e . scipy trimesh pytest pytest-xdist hypothesis array-api-strict
+	.venv-runtime/bin/python -m pytest -q -n auto -m "not slow and not window" tests/unit/runtime
 
 check: docs test  ## lint, types, the documentation, the extension, the quick tests, slow ones, the whole job in a Blender window
 	$(BIN)/ruff format --check .
