@@ -52,6 +52,14 @@ HIDDEN_LOAD = (0.1, 0.3)
 # [s] Time constant of the baseline of free taxels. Larger: the baseline is behind a fast drift; smaller: loads that
 # grow faster count as drift.
 TRACKING_TIME = 10.0
+# [standard deviations] Mean of the free taxels that is a drift. Larger: more false contacts before it is reported;
+# smaller: light contacts are reported as drift.
+MAX_DRIFT = 0.3
+# [standard deviations] Largest deviation that a drift gives all taxels. Larger: feet with a larger even load do not
+# differ from a drift; smaller: a larger drift makes guaranteed polygons wrong.
+MAX_COMMON = 5.0
+# [standard deviations] Lowest quarter of independent readings at rest. Derived: from the normal distribution.
+QUARTER = NormalDist().inv_cdf(0.25)
 # [1] Probability of a largest reading at rest, below which the noise is not normal. Larger: more skins count as such.
 MIN_TAIL_PROBABILITY = 0.01
 # [largest reading at rest] Thresholds of such skins. Smaller: rare spikes count as contacts.
@@ -174,6 +182,24 @@ class Noise:
         below = np.where(signed <= self.clip, self.below_clip, (signed - self.mean) * self.slopes)
         return np.minimum(below, 0.0, out=below)
 
+    def common_deviation(self, signed: Array, known: BoolArray | None) -> float:
+        """Return how far a drift may have raised all readings (n,), at most :data:`MAX_COMMON` [standard deviations].
+
+        A contact raises some of them further: the lowest quarter of those that are known (None: all) is a limit.
+        """
+        scale, offset, clip = self._deviation_line
+        deviation = signed * scale
+        deviation += offset
+        lowest = lowest_quarter(deviation if known is None else deviation[known])
+        return min(max(lowest - QUARTER - MAX_DRIFT, 0.0), MAX_COMMON) if lowest > clip else 0.0
+
+    @cached_property
+    def _deviation_line(self) -> tuple[Array, Array, float]:
+        """Factor and summand (n,) that map signed readings to deviations; mean deviation of clipped readings."""
+        clipped = np.isfinite(self.clip)
+        mean = float(((self.clip - self.mean) / self.sigma)[clipped].mean()) if clipped.any() else -math.inf
+        return 1 / self.sigma, -self.mean / self.sigma, mean
+
     @cached_property
     def levels(self) -> Array:
         """The levels ``sure``, ``pair``, ``release``, ``lasting`` and ``possible``, (5, n)."""
@@ -216,6 +242,12 @@ class Noise:
         step = signed * scale
         step += offset
         return _smooth(step)
+
+
+def lowest_quarter(numbers: Array) -> float:
+    """Return the number of which a quarter of some (n,), but at least one, are not above it."""
+    k = max(len(numbers) // 4 - 1, 0)
+    return float(np.partition(numbers, k)[k])
 
 
 def _smooth(step: Array) -> Array:

@@ -28,6 +28,7 @@ from .touched import (
     Evidence,
     Streak,
     Touched,
+    above_drift,
     by_noise,
     by_thresholds,
     switched,
@@ -359,8 +360,8 @@ class Skin:
         flags |= faults
         if noise is None and not self._has_thresholds:
             flags |= {"noise_unknown"}
-        if self._readings.drift.is_reported:
-            flags |= {"drift"}
+        if noise is not None:
+            flags |= self._readings.drift.flags(sets)
         terms = self._terms if self.ground is None or not footprint.is_full else self.ground.full_contact
         sums = terms.sums.dot(sets.pushes)
         contacts = contacts_of(footprint, signals.forces, self._identities.follow(footprint), terms)
@@ -397,9 +398,12 @@ class Skin:
         self._active = switched(evidence.on, evidence.stays, self._active)
         known = None if signals.is_complete else signals.known
         active = self._active if known is None else self._active & known
-        if evidence.lasting is None:
+        if self.noise is None or signals.signed is None or evidence.lasting is None:
             return touched_by_load(active, signals.forces, known, self._has_thresholds)
-        return touched_by_noise(evidence, active, self._streak.add(evidence.lasting, is_new))
+        sure, lasting = above_drift(evidence, self.noise, signals.signed, known)
+        lasts = self._streak.add(lasting, is_new)
+        sure, noisy = sure | lasts, self._readings.drift.noisy
+        return touched_by_noise(evidence, active, sure if noisy is None else sure & ~noisy, lasts)
 
     def batch(self, readings: Any, times: Any = None) -> Batch:
         """Return the results of many readings at once, without a change of the skin.

@@ -89,6 +89,17 @@ def by_noise(noise: Noise, neighbours: IntArray, signed: Array, forces: Array, k
     return Evidence(on, release, sure, lasting, possible, weights, pushes, has_load)
 
 
+def above_drift(evidence: Evidence, noise: Noise, signed: Array, known: BoolArray | None) -> tuple[Array, Array]:
+    """Return ``sure`` and ``lasting`` (n,) of signed readings (n,), without what a drift of all taxels can explain."""
+    sure, lasting = evidence.sure, evidence.lasting
+    assert sure is not None and lasting is not None
+    common = noise.common_deviation(signed, known) if evidence.has_load else 0.0
+    if common == 0:
+        return sure, lasting
+    lower = signed - common * noise.sigma
+    return sure & (lower > noise.sure), lasting & (lower > noise.lasting)
+
+
 def _with_pairs(sure: BoolArray, pair: BoolArray, neighbours: IntArray) -> BoolArray:
     """Return the taxels (..., n) that are sure, and those above the level of pairs that have a neighbour above it."""
     unsure = (pair > sure).nonzero()
@@ -133,10 +144,10 @@ def touched_by_load(active: BoolArray, forces: Array, known: BoolArray | None, i
     return Touched(active, active if is_sure else None, possible, weights, weights * forces, None)
 
 
-def touched_by_noise(evidence: Evidence, active: BoolArray, lasts: BoolArray) -> Touched:
+def touched_by_noise(evidence: Evidence, active: BoolArray, sure: BoolArray, lasts: BoolArray) -> Touched:
     """Return what is touched in one frame; ``lasts`` (n,) has the taxels above ``lasting`` in three frames."""
-    _, _, sure, _, possible, weights, pushes, has_load = evidence
-    assert sure is not None and possible is not None and weights is not None and pushes is not None
+    _, _, _, _, possible, weights, pushes, has_load = evidence
+    assert possible is not None and weights is not None and pushes is not None
     if not has_load:
         return Touched(active, active, active, weights, pushes, False)  # no taxel is active
-    return Touched(active, sure | lasts, possible | lasts | active, weights, pushes, True)
+    return Touched(active, sure, possible | lasts | active, weights, pushes, True)
