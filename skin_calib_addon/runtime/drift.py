@@ -18,6 +18,8 @@ from .touched import Touched
 # [s] Shortest length of a block. Larger: a foot that is lifted for a shorter time is not followed; smaller: the noise
 # of a mean is larger, and free taxels count as loaded.
 BLOCK_TIME = 0.2
+# [s] Shortest time between two frames of a block. Larger: means are noisier; smaller: more work.
+FRAME_TIME = 0.0035
 # [frames] Smallest length of a block. Larger: slow skins report a drift later; smaller: the variance is less certain.
 BLOCK_FRAMES = 6
 # [standard deviations] Difference of means up to which taxels are like the lowest quarter. Larger: uneven light loads
@@ -69,6 +71,7 @@ class Drift:
     def drop_block(self) -> None:
         """Forget the frames since the end of the last block."""
         self._start, self._count, self._is_mixed = math.inf, 0, False
+        self._next = -math.inf  # time of the next frame that counts [s]
         self._sum, self._squares = np.zeros(0), np.zeros(0)
 
     def corrected(self, intensities: Array) -> Array:
@@ -81,7 +84,7 @@ class Drift:
         A contact that begins or ends also ends the report of a drift. It is there again after a block with a drift. A
         positive drift that makes no load is harmless.
         """
-        count = 0 if sets.sure is None else np.count_nonzero(sets.sure)
+        count = 0 if sets.sure is None or sets.stands is False else np.count_nonzero(sets.sure)
         enough = MIN_TOUCHED if self._is_touched else max(len(sets.active) // 4, MIN_TOUCHED)
         if (count >= enough) != self._is_touched:
             self._is_touched, self._is_mixed = not self._is_touched, True
@@ -106,8 +109,9 @@ class Drift:
         time : float
             Of the frame [s].
         """
-        if not math.isfinite(time):
+        if not self._next <= time < math.inf:
             return
+        self._next = time + FRAME_TIME
         with np.errstate(over="ignore", invalid="ignore"):  # wrong readings may be as large as a number can be
             change = signed - noise.free
             if self._count == 0:

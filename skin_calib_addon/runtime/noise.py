@@ -187,18 +187,26 @@ class Noise:
 
         A contact raises some of them further: the lowest quarter of those that are known (None: all) is a limit.
         """
-        scale, offset, clip = self._deviation_line
-        deviation = signed * scale
-        deviation += offset
-        lowest = lowest_quarter(deviation if known is None else deviation[known])
-        return min(max(lowest - QUARTER - MAX_DRIFT, 0.0), MAX_COMMON) if lowest > clip else 0.0
+        low, high, scale, offset = self._common_levels
+        if known is not None:
+            signed, low, high, scale, offset = (values[known] for values in (signed, low, high, scale, offset))
+        count = quarter(len(signed))
+        if np.count_nonzero(signed <= low) >= count:
+            return 0.0
+        if np.count_nonzero(signed <= high) < count:
+            return MAX_COMMON
+        return min(max(lowest_quarter(signed * scale + offset), 0.0), MAX_COMMON)
 
     @cached_property
-    def _deviation_line(self) -> tuple[Array, Array, float]:
-        """Factor and summand (n,) that map signed readings to deviations; mean deviation of clipped readings."""
-        clipped = np.isfinite(self.clip)
-        mean = float(((self.clip - self.mean) / self.sigma)[clipped].mean()) if clipped.any() else -math.inf
-        return 1 / self.sigma, -self.mean / self.sigma, mean
+    def _common_levels(self) -> tuple[Array, Array, Array, Array]:
+        """Signed readings (n,) up to which nothing is raised, and from which on all are by the maximum.
+
+        Factor and summand (n,) that map readings to the deviation.
+        """
+        rest = QUARTER + MAX_DRIFT
+        low = self.mean + rest * self.sigma
+        high = low + MAX_COMMON * self.sigma
+        return np.maximum(low, self.clip), high, 1 / self.sigma, -self.mean / self.sigma - rest
 
     @cached_property
     def levels(self) -> Array:
@@ -244,9 +252,14 @@ class Noise:
         return _smooth(step)
 
 
+def quarter(count: int) -> int:
+    """Return a quarter of a number, at least 1."""
+    return max(count // 4, 1)
+
+
 def lowest_quarter(numbers: Array) -> float:
-    """Return the number of which a quarter of some (n,), but at least one, are not above it."""
-    k = max(len(numbers) // 4 - 1, 0)
+    """Return the number that a quarter of some (n,) do not exceed."""
+    k = quarter(len(numbers)) - 1
     return float(np.partition(numbers, k)[k])
 
 

@@ -28,9 +28,9 @@ from .touched import (
     Evidence,
     Streak,
     Touched,
-    above_drift,
     by_noise,
     by_thresholds,
+    over_drift,
     switched,
     touched_by_load,
     touched_by_noise,
@@ -400,7 +400,7 @@ class Skin:
         active = self._active if known is None else self._active & known
         if self.noise is None or signals.signed is None or evidence.lasting is None:
             return touched_by_load(active, signals.forces, known, self._has_thresholds)
-        sure, lasting = above_drift(evidence, self.noise, signals.signed, known)
+        sure, lasting = over_drift(evidence, self.noise, signals.signed, known)
         lasts = self._streak.add(lasting, is_new)
         sure, noisy = sure | lasts, self._readings.drift.noisy
         return touched_by_noise(evidence, active, sure if noisy is None else sure & ~noisy, lasts)

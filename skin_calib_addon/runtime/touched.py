@@ -89,7 +89,7 @@ def by_noise(noise: Noise, neighbours: IntArray, signed: Array, forces: Array, k
     return Evidence(on, release, sure, lasting, possible, weights, pushes, has_load)
 
 
-def above_drift(evidence: Evidence, noise: Noise, signed: Array, known: BoolArray | None) -> tuple[Array, Array]:
+def over_drift(evidence: Evidence, noise: Noise, signed: Array, known: BoolArray | None) -> tuple[BoolArray, BoolArray]:
     """Return ``sure`` and ``lasting`` (n,) of signed readings (n,), without what a drift of all taxels can explain."""
     sure, lasting = evidence.sure, evidence.lasting
     assert sure is not None and lasting is not None
