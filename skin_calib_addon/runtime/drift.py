@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
-from .noise import MAX_COMMON, MAX_DRIFT, POSSIBLE, TRACKING_TIME, Noise, lowest_quarter
+from .noise import MAX_COMMON, MAX_DRIFT, MAX_READING_PERIOD, POSSIBLE, TRACKING_TIME, Noise, lowest_quarter
 from .touched import Touched
 
 # [s] Shortest length of a block. Larger: a foot that is lifted for a shorter time is not followed; smaller: the noise
@@ -33,11 +33,15 @@ DRIFT_MARGIN = 3.0
 REPORT_BLOCKS = 3
 # [1] Variance of a free taxel, relative to that at rest, from which on its noise has grown. Larger: more false
 # contacts; smaller: chance is reported.
-MAX_VARIANCE = 2.2
-# [1] The same of one block: a larger one counts as this. Larger: contacts that begin or end count as noise.
+MAX_VARIANCE = 2.5
+# [1] The same, below which it is silent. Larger: chance counts as a defect; smaller: a defect is reported later.
+MIN_VARIANCE = 0.05
+# [1] Variance of one block, to which a larger one is limited. Larger: contacts that begin or end count as noise.
 MAX_BLOCK_VARIANCE = 5.0
 # [blocks] Time constant of the variance. Larger: noise is reported later; smaller: chance is reported as noise.
-VARIANCE_BLOCKS = 5
+VARIANCE_BLOCKS = 8
+# [readings] Number of equal ones until then, at 50 per second. Derived: from VARIANCE_BLOCKS and BLOCK_TIME.
+SILENT_READINGS = -math.log(MIN_VARIANCE) * VARIANCE_BLOCKS * BLOCK_TIME / MAX_READING_PERIOD
 # [taxels] Number of surely touched ones down to which there is a contact; it begins with a quarter of all. Larger: the
 # end of small contacts is not seen; smaller: noise counts as contact.
 MIN_TOUCHED = 3
@@ -61,6 +65,7 @@ class Drift:
         self._neighbours, self._is_followed = neighbours, is_followed
         self.offset: Array | None = None  # (n,) drift of the readings; None for none
         self.noisy: BoolArray | None = None  # (n,) whether the noise of a taxel has grown; None if that of none has
+        self._silent: BoolArray | None = None  # (n,) whether a free taxel sends one number only; None if none does
         self._moved = math.nan  # time at which the baseline last moved [s]
         self._off = 0  # number of blocks with a drift since the last one without
         self._is_reported = self._is_positive = False
@@ -78,20 +83,23 @@ class Drift:
         """Return readings (..., n) without the drift."""
         return intensities if self.offset is None else intensities - self.offset
 
-    def flags(self, sets: Touched) -> frozenset[str]:
-        """Return the flags ``drift`` and ``noisy`` of a frame, see :class:`.Frame`.
+    def faults(self, sets: Touched, stuck: BoolArray) -> tuple[BoolArray, frozenset[str]]:
+        """Return which taxels (n,) are stuck, with the silent ones, and the flags of a frame; see :class:`.Frame`.
 
         A contact that begins or ends also ends the report of a drift. It is there again after a block with a drift. A
         positive drift that makes no load is harmless.
         """
         count = 0 if sets.sure is None or sets.stands is False else np.count_nonzero(sets.sure)
-        enough = MIN_TOUCHED if self._is_touched else max(len(sets.active) // 4, MIN_TOUCHED)
+        enough = MIN_TOUCHED if self._is_touched else max(len(stuck) // 4, MIN_TOUCHED)
         if (count >= enough) != self._is_touched:
             self._is_touched, self._is_mixed = not self._is_touched, True
             self._hide()
-        flags = NO_FLAGS if self.noisy is None else frozenset({"noisy"})
-        is_drift = self._is_reported and not (self._is_positive and sets.stands is False)
-        return flags | {"drift"} if is_drift else flags
+        flags = NO_FLAGS
+        if self._is_reported and not (self._is_positive and sets.stands is False):
+            flags |= {"drift"}
+        if self.noisy is not None:
+            flags |= {"noisy"}
+        return (stuck, flags) if self._silent is None else (stuck | self._silent, flags | {"stuck"})
 
     def _hide(self) -> None:
         """Do not report a drift until one more block has it."""
@@ -146,8 +154,9 @@ class Drift:
             self._judge(mean, noise.common / math.sqrt(np.count_nonzero(alike) * self._count))
             growth = (np.minimum(variance, MAX_BLOCK_VARIANCE) - self._variance) / VARIANCE_BLOCKS
             self._variance = self._variance + np.where(free | (deviation <= mean), growth, 0.0)
-            noisy = self._variance > MAX_VARIANCE
-            self.noisy = noisy if noisy.any() else None
+            self.noisy = any_of(self._variance > MAX_VARIANCE)
+            changes = (noise.repeats < SILENT_READINGS) & np.isneginf(noise.clip)
+            self._silent = any_of(changes & (self._variance < MIN_VARIANCE))
         is_loaded = (change > noise.sure - noise.free).any() or change[valid] @ noise.slopes[valid] > noise.load_level
         if self._is_followed and not is_loaded:
             self._follow(np.where(free & (variance < MAX_BLOCK_VARIANCE), change, 0.0) * noise.sign, time)
@@ -174,3 +183,8 @@ class Drift:
         near = np.append(which, False)
         near[self._neighbours.take(rows, axis=1)] = True
         return near[:-1]
+
+
+def any_of(which: BoolArray) -> BoolArray | None:
+    """Return some taxels (n,), or None if there are none."""
+    return which if which.any() else None

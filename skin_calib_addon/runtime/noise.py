@@ -67,6 +67,9 @@ TAIL_FACTOR = 2.0
 # [1] Probability that noise repeats one number, or one frame, below which it is a fault. Larger: a fault is reported
 # earlier, and chance as a fault.
 MAX_REPEAT_PROBABILITY = 1e-8
+# [s] Longest time between two readings of the electronics; faster controllers see a reading several times.
+# Larger: a frozen bus is reported later; smaller: slow electronics are reported as frozen.
+MAX_READING_PERIOD = 0.02
 # [distances from rest to surely touched] Depth of a reading below rest from which on it is a fault. Larger: a fault is
 # found only if it is deeper; smaller: tails of the noise are reported.
 BELOW_REST = 2.0

@@ -361,7 +361,9 @@ class Skin:
         if noise is None and not self._has_thresholds:
             flags |= {"noise_unknown"}
         if noise is not None:
-            flags |= self._readings.drift.flags(sets)
+            stuck, faults = self._readings.drift.faults(sets, stuck)
+            flags |= faults
+            sets = sets.without(stuck) if "stuck" in flags else sets
         terms = self._terms if self.ground is None or not footprint.is_full else self.ground.full_contact
         sums = terms.sums.dot(sets.pushes)
         contacts = contacts_of(footprint, signals.forces, self._identities.follow(footprint), terms)

@@ -4,7 +4,7 @@
 arrays (..., n). First comes the evidence of a reading alone, then the state of the taxels before it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +39,12 @@ class Touched:
 
     def __post_init__(self) -> None:
         lock(self.active, self.sure, self.possible, self.weights, self.pushes)
+
+    def without(self, stuck: BoolArray) -> "Touched":
+        """Return the sets if the readings of some taxels (n,) prove nothing: with a load, they are possibly touched."""
+        if not self.stands or self.sure is None:
+            return self
+        return replace(self, sure=self.sure & ~stuck, possible=self.possible | stuck)
 
 
 class Streak:
