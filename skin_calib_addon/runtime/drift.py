@@ -33,13 +33,13 @@ DRIFT_MARGIN = 3.0
 REPORT_BLOCKS = 3
 # [1] Variance of a free taxel, relative to that at rest, from which on its noise has grown. Larger: more false
 # contacts; smaller: chance is reported.
-MAX_VARIANCE = 2.5
+MAX_VARIANCE = 3.0
 # [1] The same, below which it is silent. Larger: chance counts as a defect; smaller: a defect is reported later.
 MIN_VARIANCE = 0.05
 # [1] Variance of one block, to which a larger one is limited. Larger: contacts that begin or end count as noise.
-MAX_BLOCK_VARIANCE = 5.0
+MAX_BLOCK_VARIANCE = 8.0
 # [blocks] Time constant of the variance. Larger: noise is reported later; smaller: chance is reported as noise.
-VARIANCE_BLOCKS = 8
+VARIANCE_BLOCKS = 10
 # [readings] Number of equal ones until then, at 50 per second. Derived: from VARIANCE_BLOCKS and BLOCK_TIME.
 SILENT_READINGS = -math.log(MIN_VARIANCE) * VARIANCE_BLOCKS * BLOCK_TIME / MAX_READING_PERIOD
 # [taxels] Number of surely touched ones down to which there is a contact; it begins with a quarter of all. Larger: the
@@ -76,6 +76,7 @@ class Drift:
     def drop_block(self) -> None:
         """Forget the frames since the end of the last block."""
         self._start, self._count, self._is_mixed = math.inf, 0, False
+        self._lowest, self._highest = math.inf, 0.0  # deviation that all taxels have in common
         self._next = -math.inf  # time of the next frame that counts [s]
         self._sum, self._squares = np.zeros(0), np.zeros(0)
 
@@ -94,6 +95,7 @@ class Drift:
         if (count >= enough) != self._is_touched:
             self._is_touched, self._is_mixed = not self._is_touched, True
             self._hide()
+        self._lowest, self._highest = min(self._lowest, sets.common), max(self._highest, sets.common)
         flags = NO_FLAGS
         if self._is_reported and not (self._is_positive and sets.stands is False):
             flags |= {"drift"}
@@ -149,9 +151,10 @@ class Drift:
             self._hide()
             return
         free = valid & ~self._near(deviation > lowest + POSSIBLE)
-        if not self._is_mixed:
-            mean = float(deviation[alike].mean())
-            self._judge(mean, noise.common / math.sqrt(np.count_nonzero(alike) * self._count))
+        if not self._is_mixed and self._highest - self._lowest < POSSIBLE:
+            judged = free if free.any() else alike
+            mean = float(deviation[judged].mean())
+            self._judge(mean, noise.common / math.sqrt(np.count_nonzero(judged) * self._count))
             growth = (np.minimum(variance, MAX_BLOCK_VARIANCE) - self._variance) / VARIANCE_BLOCKS
             self._variance = self._variance + np.where(free | (deviation <= mean), growth, 0.0)
             self.noisy = any_of(self._variance > MAX_VARIANCE)

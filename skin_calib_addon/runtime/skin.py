@@ -402,10 +402,11 @@ class Skin:
         active = self._active if known is None else self._active & known
         if self.noise is None or signals.signed is None or evidence.lasting is None:
             return touched_by_load(active, signals.forces, known, self._has_thresholds)
-        sure, lasting = over_drift(evidence, self.noise, signals.signed, known)
-        lasts = self._streak.add(lasting, is_new)
-        sure, noisy = sure | lasts, self._readings.drift.noisy
-        return touched_by_noise(evidence, active, sure if noisy is None else sure & ~noisy, lasts)
+        common = self.noise.common_deviation(signals.signed, known) if evidence.has_load else 0.0
+        sure, lasting = over_drift(evidence, self.noise, signals.signed, common)
+        lasts, noisy = self._streak.add(lasting, is_new), self._readings.drift.noisy
+        sure = sure | lasts if noisy is None else (sure | lasts) & ~noisy
+        return touched_by_noise(evidence, active, sure, lasts, common)
 
     def batch(self, readings: Any, times: Any = None) -> Batch:
         """Return the results of many readings at once, without a change of the skin.

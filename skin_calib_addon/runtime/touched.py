@@ -36,6 +36,7 @@ class Touched:
     weights: Array  # (n,) of its force in the sums
     pushes: Array  # (n,) its part of the sums [N]; of free taxels zero on average
     stands: bool | None
+    common: float = 0.0  # deviation of all taxels that may be a drift [standard deviations]
 
     def __post_init__(self) -> None:
         lock(self.active, self.sure, self.possible, self.weights, self.pushes)
@@ -95,11 +96,10 @@ def by_noise(noise: Noise, neighbours: IntArray, signed: Array, forces: Array, k
     return Evidence(on, release, sure, lasting, possible, weights, pushes, has_load)
 
 
-def over_drift(evidence: Evidence, noise: Noise, signed: Array, known: BoolArray | None) -> tuple[BoolArray, BoolArray]:
-    """Return ``sure`` and ``lasting`` (n,) of signed readings (n,), without what a drift of all taxels can explain."""
+def over_drift(evidence: Evidence, noise: Noise, signed: Array, common: float) -> tuple[BoolArray, BoolArray]:
+    """Return ``sure`` and ``lasting`` (n,) of signed readings (n,), less a ``common`` deviation of all taxels."""
     sure, lasting = evidence.sure, evidence.lasting
     assert sure is not None and lasting is not None
-    common = noise.common_deviation(signed, known) if evidence.has_load else 0.0
     if common == 0:
         return sure, lasting
     lower = signed - common * noise.sigma
@@ -150,10 +150,12 @@ def touched_by_load(active: BoolArray, forces: Array, known: BoolArray | None, i
     return Touched(active, active if is_sure else None, possible, weights, weights * forces, None)
 
 
-def touched_by_noise(evidence: Evidence, active: BoolArray, sure: BoolArray, lasts: BoolArray) -> Touched:
+def touched_by_noise(
+    evidence: Evidence, active: BoolArray, sure: BoolArray, lasts: BoolArray, common: float
+) -> Touched:
     """Return what is touched in one frame; ``lasts`` (n,) has the taxels above ``lasting`` in three frames."""
     _, _, _, _, possible, weights, pushes, has_load = evidence
     assert possible is not None and weights is not None and pushes is not None
     if not has_load:
         return Touched(active, active, active, weights, pushes, False)  # no taxel is active
-    return Touched(active, sure, possible | lasts | active, weights, pushes, True)
+    return Touched(active, sure, possible | lasts | active, weights, pushes, True, common)
