@@ -32,6 +32,7 @@ from .touched import (
     Touched,
     by_noise,
     by_thresholds,
+    over_drift,
     switched,
     touched_by_load,
     touched_by_noise,
@@ -445,8 +446,10 @@ class Skin:
             flags |= {"overload"}
         if noise is None and not self._has_thresholds:
             flags |= {"noise_unknown"}
-        if self._readings.drift.is_reported:
-            flags |= {"drift"}
+        if noise is not None:
+            stuck, faults = self._readings.drift.faults(sets, stuck)
+            flags |= faults
+            sets = sets.without(stuck) if "stuck" in flags else sets
         if self._assumed.is_assumed:
             self._assumed.add(bool(sets.stands), flags.isdisjoint(NOT_THAT_REST), time)
             flags |= {"rest_assumed"} if self._assumed.is_assumed else set()
@@ -492,9 +495,13 @@ class Skin:
         self._active = switched(evidence.on, evidence.stays, self._active)
         known = None if signals.is_complete else signals.known
         active = self._active if known is None else self._active & known
-        if evidence.lasting is None:
+        if self.noise is None or signals.signed is None or evidence.lasting is None:
             return touched_by_load(active, signals.forces, known, self._has_thresholds)
-        return touched_by_noise(evidence, active, self._streak.add(evidence.lasting, is_new))
+        common = self.noise.common_deviation(signals.signed, known) if evidence.has_load else 0.0
+        sure, lasting = over_drift(evidence, self.noise, signals.signed, common)
+        lasts, noisy = self._streak.add(lasting, is_new), self._readings.drift.noisy
+        sure = sure | lasts if noisy is None else (sure | lasts) & ~noisy
+        return touched_by_noise(evidence, active, sure, lasts, common)
 
     def batch(self, readings: Any, times: Any = None) -> Batch:
         """Return the results of many readings at once, without a change of the skin.
