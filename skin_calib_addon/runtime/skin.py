@@ -449,7 +449,7 @@ class Skin:
         if noise is not None:
             stuck, faults = self._readings.drift.faults(sets, stuck)
             flags |= faults
-            sets = sets.without(stuck) if "stuck" in flags else sets
+        sets = sets.without(stuck) if "stuck" in flags else sets
         if self._assumed.is_assumed:
             self._assumed.add(bool(sets.stands), flags.isdisjoint(NOT_THAT_REST), time)
             flags |= {"rest_assumed"} if self._assumed.is_assumed else set()

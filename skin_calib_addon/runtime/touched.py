@@ -45,7 +45,7 @@ class Touched:
 
     def without(self, stuck: BoolArray) -> "Touched":
         """Return the sets if the readings of some taxels (n,) prove nothing: with a load, they are possibly touched."""
-        if not self.stands or self.sure is None:
+        if self.stands is False or self.sure is None:
             return self
         return replace(self, sure=self.sure & ~stuck, possible=self.possible | stuck)
 
