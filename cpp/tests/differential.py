@@ -74,7 +74,7 @@ class Comparison:
         """Compare standard deviations by their squares, of which large terms cancel."""
         variance = (python["load_sigma"] or 0.0) ** 2
         finite = python["force_sigmas"]
-        total = 0.0 if finite is None else float((finite[np.isfinite(finite)] ** 2).sum()) + python["size"] ** 2 * SUM
+        total = 0.0 if finite is None else float((finite[np.isfinite(finite)] ** 2).sum()) + python["size"] ** 2
         divisors = {"wrench_sigma": 1.0, "load_sigma": 1.0, "cop_sigma": python["load"], "zmp_sigma": upward}
         for name, divisor in divisors.items():
             a, b = python[name], cpp[name]
@@ -292,6 +292,16 @@ class Pair:
         return float(self.rng.choice((0.001, 0.001, 0.001, 0.004, 0.1, 0.0, -0.01, 2.0, 70.0), p=(0.3, 0.3, 0.2, 0.1, 0.04, 0.02, 0.02, 0.01, 0.01)))
 
 
+def cancellation(skin: Skin, counts: np.ndarray) -> float:
+    """Return the sum of the sizes of all readings over their sum without the mean at rest, on which weights depend."""
+    noise = skin.noise
+    if noise is None:
+        return 1.0
+    signed = noise.signed(counts[skin.channels])
+    signed = np.where(np.abs(signed) < 1e100, signed, noise.free)
+    return 1.0 + float(np.abs(signed * noise.slopes).sum()) / max(abs(float(noise.excess(signed))), 1e-9)
+
+
 def compare_skin(module, comparison: Comparison, seed: int) -> int:
     """Compare some frames of one skin."""
     rng = np.random.default_rng(seed)
@@ -311,7 +321,10 @@ def compare_skin(module, comparison: Comparison, seed: int) -> int:
             cpp.mask(masked)
         at = now if rng.random() < 0.99 else float(rng.choice((np.nan, np.inf)))
         frame = python.update(counts, at)
-        comparison.frames(record(frame), cpp.update(counts, at), 0.0 if frame.sums is None else float(frame.sums[9]))
+        expected = record(frame)
+        if frame.sets is not None:
+            expected["size"] *= cancellation(python, counts)
+        comparison.frames(expected, cpp.update(counts, at), 0.0 if frame.sums is None else float(frame.sums[9]))
     return FRAMES
 
 

@@ -82,7 +82,7 @@ public:
     // Set the relative rise and its time constant [s].
     void start(std::size_t n, double fraction, double time) {
         part.assign(n, 0.0);
-        fraction_ = fraction, time_ = time, last_ = nan;
+        fraction_ = fraction, time_ = time, last_ = not_a_number;
     }
 
     // Add a frame with signed readings (n,) without creep, relative to those without contact.
@@ -99,7 +99,7 @@ public:
     }
 
 private:
-    double fraction_ = 0, time_ = 1, last_ = nan;
+    double fraction_ = 0, time_ = 1, last_ = not_a_number;
 };
 
 } // namespace skin_calib

@@ -156,7 +156,8 @@ struct GroundGeometry {
             plain.rows.push_back(row);
             standing_count += can_stand[i];
         }
-        centre_hull = sure_hull = HullTable(centres, 1);
+        centre_hull = HullTable(centres, 1);
+        sure_hull = HullTable(centres, 1);
         corner_hull = HullTable(all_corners, each);
         HullTable cell;
         cell.hull_of(offsets);

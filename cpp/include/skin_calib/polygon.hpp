@@ -107,6 +107,8 @@ public:
     Polygon hull; // of the rows that were chosen last
 
     HullTable() = default;
+    HullTable(HullTable&&) = default; // a copy would lose the reserved memory
+    HullTable& operator=(HullTable&&) = default;
 
     // Store rows of `each` points. Points that are not finite give empty hulls.
     HullTable(const std::vector<Vec2>& points, std::size_t each) : each_(each) {
@@ -224,12 +226,15 @@ class Erosion {
 public:
     Polygon result;
 
+    Erosion() = default;
+    Erosion(Erosion&&) = default; // a copy would lose the reserved memory
+    Erosion& operator=(Erosion&&) = default;
+
     // Allocate memory for polygons of up to `count` corners and a cell, whose corners are about its centre [m].
     Erosion(std::vector<Vec2> cell, std::size_t count) : cell_(std::move(cell)) {
         for (auto* list : {&edges_, &moved_, &chain_, &result.corners}) list->reserve(3 * count + 8);
         extents_.reserve(count), left_.reserve(count), kept_.reserve(count), ring_.reserve(4 * count + 8);
     }
-    Erosion() = default;
 
     // Compute the Minkowski difference of a polygon and the point reflection of the cell (Polygon.eroded in Python).
     void erode(const Polygon& polygon) noexcept {

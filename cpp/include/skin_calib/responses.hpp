@@ -29,7 +29,7 @@ public:
     double force(std::size_t i, double reading) const noexcept {
         const Kind& kind = kinds_[of_[i]];
         const double force = kind.knots.empty() ? polynomial(kind, reading) : table(kind, reading);
-        return std::isfinite(force) ? std::max(force, 0.0) : nan;
+        return std::isfinite(force) ? std::max(force, 0.0) : not_a_number;
     }
 
     // Return whether a reading of taxel i is at or beyond the saturation reading, where the force may be larger.
@@ -60,7 +60,7 @@ private:
 
     // Evaluate a polynomial by Horner's scheme; not finite for a reading that is not.
     static double polynomial(const Kind& kind, double reading) noexcept {
-        if (!std::isfinite(reading)) return nan;
+        if (!std::isfinite(reading)) return not_a_number;
         const double x = std::min(std::max(reading, kind.low), kind.high);
         double sum = kind.coefficients[0];
         for (std::size_t k = 1; k < kind.coefficients.size(); ++k) sum = sum * x + kind.coefficients[k];
@@ -69,7 +69,7 @@ private:
 
     // Interpolate in a table, as numpy.interp.
     static double table(const Kind& kind, double reading) noexcept {
-        if (!std::isfinite(reading)) return nan;
+        if (!std::isfinite(reading)) return not_a_number;
         const double x = std::min(std::max((reading - kind.low) / kind.width, 0.0), 1.0) + kind.shift;
         const auto above = std::upper_bound(kind.knots.begin(), kind.knots.end(), x);
         const std::size_t j = std::max<std::ptrdiff_t>(above - kind.knots.begin() - 1, 0);

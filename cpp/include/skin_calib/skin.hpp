@@ -58,7 +58,7 @@ public:
         alive_.assign(n, 1);
         limit();
         for (auto* list : {&raw_, &shifted_, &signed_, &variances_}) list->assign(n, 0.0);
-        last_.assign(n, nan);
+        last_.assign(n, not_a_number);
         clock_ = Clock{};
         allocate_frame();
         is_ready_ = true;
@@ -277,7 +277,7 @@ private:
         for (std::size_t i = 0; i < size(); ++i) {
             const double x = raw[i] * responses.sign[i] - creep_->part[i];
             const bool is_used = is_complete || (std::abs(x) < max_reading && is_valid(i));
-            signed_[i] = (is_used ? x : nan) - noise_->free[i];
+            signed_[i] = (is_used ? x : not_a_number) - noise_->free[i];
         }
         creep_->add(signed_, time);
     }
@@ -293,7 +293,7 @@ private:
         frame_.time = time, frame_.flags = flags, frame_.is_known = false, frame_.load = 0;
         frame_.sets.has_sure = false, frame_.sets.stands = std::nullopt;
         frame_.rows.clear(), frame_.contacts.clear();
-        frame_.wrench.fill(nan);
+        frame_.wrench.fill(not_a_number);
         frame_.reason = Reason::not_known;
         frame_.cop = frame_.zmp = frame_.cop_sigma = frame_.zmp_sigma = std::nullopt;
         frame_.wrench_sigma = std::nullopt, frame_.load_sigma = std::nullopt;

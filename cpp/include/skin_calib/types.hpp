@@ -29,7 +29,7 @@ using Rows = std::vector<std::int32_t>;
 using Booleans = std::vector<std::uint8_t>; // 0 or 1 for each taxel
 
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
-inline constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+inline constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 
 // Whether something worked; otherwise a sentence that says what is wrong, and where.
 struct [[nodiscard]] Status {
