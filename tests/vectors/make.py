@@ -2,7 +2,7 @@
 
     python -m tests.vectors.make
 
-`tests/unit/runtime/test_vectors.py` compares the Python runtime with the files, `cpp/tests/vectors.cpp` the C++ runtime.
+`tests/unit/runtime/test_vectors.py` compares the runtime in Python with the files, `cpp/tests/vectors.cpp` that in C++.
 Write them again only for an intended change of results. A frame has what the first stage of the C++ runtime computes:
 faults are not in it, and the guaranteed polygon is that without faults.
 """
@@ -42,6 +42,7 @@ WATCHED = frozenset(
     )
 )
 SMALL = (3, 4, 3, 4, 3)  # boards in the rows of a small sole
+RING = ((-1, -1), (1, -1), (1, 1), (-1, 1))  # corners of a square
 TABLE = ResponseTable((0.0, 100.0, 1000.0, 4095.0), (0.0, 1.0, 8.0, 40.0))
 FALLING = ResponseTable((200.0, 900.0, 2000.0, 3000.0), (30.0, 9.0, 2.0, 0.0))
 QUADRATIC = Response((0.0, 0.005, 1e-6), (0.0, 4095.0))
@@ -50,7 +51,7 @@ INVERTED = Response((30.0, -0.01), (0.0, 3000.0))
 
 def mixed_sole() -> LinkCalibration:
     """Return a sole with a response of each kind; readings of some taxels fall with the force."""
-    patch = sole_patch(SMALL, index=None)
+    patch = sole_patch(SMALL)
     kinds = (TABLE, FALLING, QUADRATIC, INVERTED)
     taxels = replace(patch.taxels, responses=np.arange(len(patch.taxels.ids)) % len(kinds))
     return small_calibration(
@@ -70,9 +71,6 @@ def curved_sole() -> LinkCalibration:
     corners = positions[:, None] + pitch / 2 * np.stack([i * along + j * across for i, j in RING], axis=1)
     patch = cell_patch(positions, normals, corners, radius=0.0145)
     return small_calibration(link="rocker", patches=(patch,), surfaces=(plane(),), response=Response((0.0, 0.01, 1e-6)))
-
-
-RING = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
 def sole(rows: tuple[int, ...], link: str) -> LinkCalibration:
@@ -175,7 +173,7 @@ def rest_counts(skin: Skin) -> np.ndarray:
     return counts
 
 
-def loaded_counts(skin: Skin, rng: np.random.Generator, pressed: np.ndarray) -> np.ndarray:
+def loaded_counts(skin: Skin, pressed: np.ndarray) -> np.ndarray:
     """Return readings of pressed taxels (n,), for pressures from 0 to 1 of their range."""
     counts = rest_counts(skin)
     full = skin._readings.responses.full
@@ -191,7 +189,7 @@ def readings_of(skin: Skin, case: Case, rng: np.random.Generator) -> Iterator[tu
         centre = skin.positions[(3 * k) % n]
         near = np.exp(-(((skin.positions - centre) ** 2).sum(axis=1)) / 0.02**2)
         pressed = {5: np.zeros(n), 6: np.full(n, 0.004), 7: np.full(n, 0.3)}.get(k % 8, 0.3 * near)
-        counts = loaded_counts(skin, rng, pressed) + rng.normal(0, case.sigma or 0.0, skin.reading_length)
+        counts = loaded_counts(skin, pressed) + rng.normal(0, case.sigma or 0.0, skin.reading_length)
         counts = np.clip(np.rint(counts), 0, 4095)
         time += 0.004
         if case.trouble:
@@ -322,7 +320,8 @@ def write_case(name: str, case: Case) -> None:
             frame["mask"] = [skin.ids[2], skin.ids[5]] if k == 10 else []
             skin.mask(frame["mask"])
         frames.append(compact({**frame, "frame": record(skin.update(readings, time))}))
-    write(name, {"calibration": f"{case.calibration}.calibration.json", "noise": noise, "options": case.options}, frames)
+    head = {"calibration": f"{case.calibration}.calibration.json", "noise": noise, "options": case.options}
+    write(name, head, frames)
 
 
 def write(name: str, head: dict, frames: list) -> None:
@@ -351,7 +350,7 @@ def write_body() -> None:
         for side, (name, skin) in enumerate(skins.items()):
             load = 0.3 * ((k // 4 + side) % 3 > 0) + 0.002 * k
             pressed = load * (1 + 4 * skin.positions[:, 0] * np.cos(k))
-            counts = loaded_counts(skin, rng, pressed) + rng.normal(0, 2.0, skin.reading_length)
+            counts = loaded_counts(skin, pressed) + rng.normal(0, 2.0, skin.reading_length)
             readings[name] = np.clip(np.rint(counts), 0, 4095)
             pose = np.eye(4)
             angle = 0.1 * k * (side + 1)

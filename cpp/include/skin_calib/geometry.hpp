@@ -106,10 +106,20 @@ struct SkinGeometry {
 // What the sums over the taxels weigh with.
 struct Terms {
     using Sums = std::array<double, 12>;
+    using Products = std::array<double, 10>;
 
     std::vector<Sums> rows; // wrench about the origin of the link; lift, lift x, lift y; f_z, tau_x, tau_y of the ground
     std::vector<SkinGeometry::LinkTerms> link;
-    bool has_moments = false; // whether they have the moments within the cells
+    std::vector<Products> products; // of ground terms: l, lx, ly with themselves, lx, ly with l; in this way f_z, tau_x, y
+    bool has_moments = false;       // whether they have the moments within the cells
+
+    // Compute the products, which covariances of sums need.
+    void multiply() {
+        products.clear();
+        for (const Sums& t : rows)
+            products.push_back({t[6] * t[6], t[7] * t[7], t[8] * t[8], t[7] * t[6], t[8] * t[6],
+                                t[9] * t[9], t[10] * t[10], t[11] * t[11], t[10] * t[9], t[11] * t[9]});
+    }
 };
 
 // The taxels that can stand on the ground, in the coordinates of the ground.
@@ -118,8 +128,8 @@ struct GroundGeometry {
     Booleans can_stand;         // whether a taxel looks down
     std::size_t standing_count = 0;
     std::vector<Vec2> centres;  // of the cells [m]
-    std::vector<Vec2> gradient; // moments of the pressure gradient in the cells that `plain` leaves out, per force [m]
-    std::vector<Vec6> link_gradient; // the same about the origin of the link
+    // Moments of the pressure gradient in the cells that `plain` leaves out, per force: lift x, lift y; about the link [m]
+    std::vector<std::array<double, 8>> gradient;
     Terms plain, full_contact, in_cell;
     HullTable centre_hull, sure_hull, corner_hull;
     Erosion erosion;
@@ -165,10 +175,13 @@ struct GroundGeometry {
         full_contact = moved(full_contact_shifts(c, cells));
         in_cell = moved(arms_in_cells(skin, cells));
         for (std::size_t i = 0; i < n; ++i) {
-            gradient.push_back({in_cell.rows[i][7] - plain.rows[i][7], in_cell.rows[i][8] - plain.rows[i][8]});
-            link_gradient.emplace_back();
-            for (std::size_t k = 0; k < 6; ++k) link_gradient[i][k] = in_cell.rows[i][k] - plain.rows[i][k];
+            gradient.emplace_back();
+            for (std::size_t k = 0; k < 8; ++k) {
+                const std::size_t t = k < 2 ? 7 + k : k - 2;
+                gradient[i][k] = in_cell.rows[i][t] - plain.rows[i][t];
+            }
         }
+        for (Terms* terms : {&plain, &full_contact, &in_cell}) terms->multiply();
     }
 
     // Return whether all taxels that can stand on the ground are active (n,).

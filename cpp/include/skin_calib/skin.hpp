@@ -36,9 +36,12 @@ public:
         ground = plane ? std::optional<GroundGeometry>(std::in_place, geometry, *plane) : std::nullopt;
         no_ground_ = Terms{};
         no_ground_.link = geometry.terms;
+        squares_.clear();
         for (const auto& terms : geometry.terms) {
             no_ground_.rows.emplace_back();
             std::copy(terms.begin() + 5, terms.end(), no_ground_.rows.back().begin());
+            squares_.emplace_back();
+            std::transform(terms.begin() + 5, terms.end(), squares_.back().begin(), [](double x) { return x * x; });
         }
         terms_ = ground ? (options.in_cell ? &ground->in_cell : &ground->plain) : &no_ground_;
         baseline_ = noise ? noise->baseline : Numbers(n, 0.0);
@@ -216,25 +219,21 @@ private:
         }
         placed /= 12; // a square has a second moment of 1/12 per area
 
-        Vec6 squares{}, left_out{};
-        Vec2 gradient{};
-        std::array<double, 10> c{}; // covariances: l, lx, ly with themselves, lx and ly with l; f, tx, ty in the same way
-        const bool has_gradient = ground && !terms.has_moments; // moments in the cells that the sums leave out
+        Vec6 squares{};
+        std::array<double, 8> gradient{}; // moments in the cells that the sums leave out
+        Terms::Products c{};              // covariances of the sums
+        const bool has_gradient = ground && !terms.has_moments;
         for (std::size_t i = 0; i < size(); ++i) {
             const double v = variances_[i];
-            const Terms::Sums& t = terms.rows[i];
-            for (std::size_t k = 0; k < 6; ++k) squares[k] += geometry.terms[i][5 + k] * geometry.terms[i][5 + k] * v;
-            const double lift = t[6] * v, fz = t[9] * v;
-            const double own[] = {lift * t[6],        t[7] * t[7] * v, t[8] * t[8] * v,   lift * t[7], lift * t[8],
-                                  fz * t[9],          t[10] * t[10] * v, t[11] * t[11] * v, fz * t[10],  fz * t[11]};
-            for (std::size_t k = 0; k < 10; ++k) c[k] += own[k];
+            for (std::size_t k = 0; k < 6; ++k) squares[k] += squares_[i][k] * v;
+            if (!ground) continue;
+            for (std::size_t k = 0; k < c.size(); ++k) c[k] += terms.products[i][k] * v;
             if (!has_gradient) continue;
-            for (std::size_t k = 0; k < 6; ++k) left_out[k] += ground->link_gradient[i][k] * pushes[i];
-            for (std::size_t k = 0; k < 2; ++k) gradient[k] += ground->gradient[i][k] * pushes[i];
+            for (std::size_t k = 0; k < gradient.size(); ++k) gradient[k] += ground->gradient[i][k] * pushes[i];
         }
         const double factor = noise_->common * noise_->common;
         for (std::size_t k = 0; k < 6; ++k)
-            squares[k] = std::sqrt(squares[k] * factor + (k < 3 ? 0.0 : placed) + left_out[k] * left_out[k]);
+            squares[k] = std::sqrt(squares[k] * factor + (k < 3 ? 0.0 : placed) + gradient[2 + k] * gradient[2 + k]);
         frame_.wrench_sigma = squares;
         if (!ground) return;
         for (double& x : c) x *= factor;
@@ -309,6 +308,7 @@ private:
     ContactFinder finder_;
     Clock clock_;
     Terms no_ground_;
+    std::vector<Vec6> squares_; // (n,) of the wrenches of 1 N
     const Terms* terms_ = nullptr; // of the sums at partial contact
     Numbers baseline_, most_, limits_, raw_, last_, shifted_, signed_, variances_;
     Booleans alive_;
