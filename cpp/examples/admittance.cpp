@@ -13,10 +13,10 @@ using namespace skin_calib;
 
 namespace {
 
-constexpr double mass = 2.0;          // [kg]
-constexpr double damping = 20.0;      // [N s/m]
-constexpr double max_speed = 0.25;    // [m/s]
-constexpr double period = 1e-3;       // [s]
+constexpr double mass = 2.0;       // [kg]
+constexpr double damping = 20.0;   // [N s/m]
+constexpr double max_speed = 0.25; // [m/s]
+constexpr double period = 1e-3;    // [s]
 
 class Admittance {
 public:
@@ -67,8 +67,9 @@ int main(int count, char** arguments) {
         const Vec3& v = controller.update(frame);
         moved = plus(moved, v, period);
         if (k % 50 == 0)
-            std::printf("%.2f s: force (%.2f, %.2f, %.2f) N, velocity (%.1f, %.1f, %.1f) mm/s, moved (%.2f, %.2f, %.2f) mm\n",
-                        frame.time, frame.wrench[0], frame.wrench[1], frame.wrench[2], 1e3 * v[0], 1e3 * v[1], 1e3 * v[2],
-                        1e3 * moved[0], 1e3 * moved[1], 1e3 * moved[2]);
+            std::printf(
+                "%.2f s: force (%.2f, %.2f, %.2f) N, velocity (%.1f, %.1f, %.1f) mm/s, moved (%.2f, %.2f, %.2f) mm\n",
+                frame.time, frame.wrench[0], frame.wrench[1], frame.wrench[2], 1e3 * v[0], 1e3 * v[1], 1e3 * v[2],
+                1e3 * moved[0], 1e3 * moved[1], 1e3 * moved[2]);
     }
 }

@@ -63,8 +63,10 @@ public:
         for (char* start = line.data(); *start != '\0';) {
             char* end = start;
             const double x = std::strtod(start, &end);
-            if (end == start) end = start + 1; // a separator
-            else readings.push_back(x);
+            if (end == start)
+                end = start + 1; // a separator
+            else
+                readings.push_back(x);
             start = end;
         }
         is_new = true;
@@ -82,8 +84,10 @@ void act(const Frame& frame, long cycle) {
     for (const Contact& c : frame.contacts)
         std::printf("; contact %lld of %.2f N at (%.1f, %.1f, %.1f) mm", static_cast<long long>(c.number), c.force,
                     1e3 * c.position[0], 1e3 * c.position[1], 1e3 * c.position[2]);
-    if (frame.cop) std::printf("; CoP (%.1f, %.1f) mm", 1e3 * (*frame.cop)[0], 1e3 * (*frame.cop)[1]);
-    else std::printf("; no CoP: %s", text(frame.reason));
+    if (frame.cop)
+        std::printf("; CoP (%.1f, %.1f) mm", 1e3 * (*frame.cop)[0], 1e3 * (*frame.cop)[1]);
+    else
+        std::printf("; no CoP: %s", text(frame.reason));
     for (unsigned k = 0; k < std::size(flag::names); ++k)
         if (frame.flags & (1u << k)) std::printf("; %s", flag::names[k]);
     std::printf("\n");
@@ -95,8 +99,10 @@ int main(int count, char** arguments) {
     std::string files[2];
     int file_count = 0, port = 0;
     for (int k = 1; k < count; ++k) {
-        if (std::strcmp(arguments[k], "--udp") == 0 && k + 1 < count) port = std::atoi(arguments[++k]);
-        else if (file_count < 2) files[file_count++] = arguments[k];
+        if (std::strcmp(arguments[k], "--udp") == 0 && k + 1 < count)
+            port = std::atoi(arguments[++k]);
+        else if (file_count < 2)
+            files[file_count++] = arguments[k];
     }
     Skin skin;
     const Status status = load(files[0], files[1], {}, skin);

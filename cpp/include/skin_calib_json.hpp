@@ -1,5 +1,5 @@
 // Read calibration files (version 3) and noise files. Needs nlohmann-json 3. Nothing is thrown: a status says what is
-// wrong. The reader checks all that the runtime needs; "skin-calib validate" checks everything, and the checksum.
+// wrong. The reader checks all that the runtime needs; "skin-calib check" checks everything, and the checksum.
 #pragma once
 
 #include <fstream>
@@ -25,7 +25,8 @@ struct Wrong {
 
 // Return a member of an object.
 inline const Json& member(const Json& object, const char* name) {
-    if (!object.is_object()) throw Wrong{std::string("an object with '") + name + "' is expected, not " + object.type_name()};
+    if (!object.is_object())
+        throw Wrong{std::string("an object with '") + name + "' is expected, not " + object.type_name()};
     const auto found = object.find(name);
     if (found == object.end()) throw Wrong{std::string("'") + name + "' is missing"};
     return *found;
@@ -35,7 +36,8 @@ inline const Json& member(const Json& object, const char* name) {
 inline const Json& list(const Json& value, const char* name, std::size_t count = 0) {
     if (!value.is_array()) throw Wrong{std::string("'") + name + "' must be a list"};
     if (count != 0 && value.size() != count)
-        throw Wrong{std::string("'") + name + "' has " + std::to_string(value.size()) + " items, not " + std::to_string(count)};
+        throw Wrong{std::string("'") + name + "' has " + std::to_string(value.size()) + " items, not " +
+                    std::to_string(count)};
     return value;
 }
 
@@ -77,9 +79,11 @@ inline Vec3 vector(const Json& value, const char* name) {
 // Refuse a file of another format or version.
 inline void check_format(const Json& document, const char* format, int version) {
     if (text(member(document, "format"), "format") != format)
-        throw Wrong{std::string("the format must be '") + format + "', not " + member(document, "format").dump().substr(0, 80)};
+        throw Wrong{std::string("the format must be '") + format + "', not " +
+                    member(document, "format").dump().substr(0, 80)};
     if (whole(member(document, "version"), "version") != version)
-        throw Wrong{"the version must be " + std::to_string(version) + "; 'skin-calib validate' of an older file says how to update it"};
+        throw Wrong{"the version must be " + std::to_string(version) +
+                    "; load an older file in Python, and save it again"};
 }
 
 inline Response response_of(const Json& document) {
@@ -105,12 +109,14 @@ inline Response response_of(const Json& document) {
 inline Vec3 unit_normal(const Vec3& normal) {
     constexpr double stored_rounding = 1e-9;
     const Vec3 exact = unit(normal), error = plus(normal, exact, -1);
-    const bool is_rounded = std::any_of(error.begin(), error.end(), [](double x) { return std::abs(x) > stored_rounding; });
+    const bool is_rounded =
+        std::any_of(error.begin(), error.end(), [](double x) { return std::abs(x) > stored_rounding; });
     return is_rounded && std::abs(std::sqrt(dot(normal, normal)) - 1) <= single_rounding ? exact : normal;
 }
 
 // Add the taxels of one patch.
-inline void add_patch(const Json& patch, std::size_t link_responses, Calibration& c, std::vector<std::vector<std::string>>& near) {
+inline void add_patch(const Json& patch, std::size_t link_responses, Calibration& c,
+                      std::vector<std::vector<std::string>>& near) {
     const Json& taxels = member(patch, "taxels");
     const std::size_t n = list_of(taxels, "id").size();
     if (n == 0) throw Wrong{"a patch has no taxels"};
@@ -133,7 +139,8 @@ inline void add_patch(const Json& patch, std::size_t link_responses, Calibration
     }
     for (const Json& x : list_of(taxels, "response", n)) {
         const std::int64_t k = whole(x, "response");
-        if (k < 0 || static_cast<std::size_t>(k) >= link_responses) throw Wrong{"a taxel has a response that is not in the list"};
+        if (k < 0 || static_cast<std::size_t>(k) >= link_responses)
+            throw Wrong{"a taxel has a response that is not in the list"};
         c.response.push_back(static_cast<std::int32_t>(k + 1));
     }
 }
@@ -156,7 +163,8 @@ inline Calibration calibration_of(const Json& document) {
         for (const std::string& id : near[i]) {
             const auto other = row.find(id);
             if (other == row.end()) throw Wrong{"'neighbours' has an unknown taxel '" + id.substr(0, 80) + "'"};
-            if (static_cast<std::int32_t>(i) < other->second) c.pairs.push_back({static_cast<std::int32_t>(i), other->second});
+            if (static_cast<std::int32_t>(i) < other->second)
+                c.pairs.push_back({static_cast<std::int32_t>(i), other->second});
         }
     std::sort(c.pairs.begin(), c.pairs.end());
     c.pairs.erase(std::unique(c.pairs.begin(), c.pairs.end()), c.pairs.end());
@@ -167,25 +175,34 @@ inline Noise noise_of(const Json& document, const Calibration& calibration) {
     check_format(document, "skin-noise", 1);
     const std::size_t n = calibration.ids.size();
     if (text(member(document, "calibration"), "calibration") != calibration.checksum)
-        throw Wrong{"the noise is of another calibration of '" + calibration.link.substr(0, 80) + "': run a tare with this one"};
+        throw Wrong{"the noise is of another calibration of '" + calibration.link.substr(0, 80) +
+                    "': run a tare with this one"};
     Noise noise;
     noise.baseline = numbers(member(document, "baseline"), "baseline", n);
     const Json& levels = member(document, "noise");
     if (levels.is_null()) return noise;
     noise.is_known = true;
-    const std::pair<const char*, Numbers*> arrays[] = {
-        {"mean", &noise.mean},         {"sigma", &noise.sigma},         {"sure", &noise.sure},
-        {"lasting", &noise.lasting},   {"pair", &noise.pair},           {"possible", &noise.possible},
-        {"release", &noise.release},   {"slopes", &noise.slopes},       {"free", &noise.free},
-        {"rectified", &noise.rectified}, {"below_clip", &noise.below_clip}};
+    const std::pair<const char*, Numbers*> arrays[] = {{"mean", &noise.mean},
+                                                       {"sigma", &noise.sigma},
+                                                       {"sure", &noise.sure},
+                                                       {"lasting", &noise.lasting},
+                                                       {"pair", &noise.pair},
+                                                       {"possible", &noise.possible},
+                                                       {"release", &noise.release},
+                                                       {"slopes", &noise.slopes},
+                                                       {"free", &noise.free},
+                                                       {"rectified", &noise.rectified},
+                                                       {"below_clip", &noise.below_clip}};
     for (const auto& [name, values] : arrays) *values = numbers(member(levels, name), name, n);
     noise.clip = numbers(member(levels, "clip"), "clip", n, -infinity);
     for (const Json& x : list_of(levels, "dead", n)) {
         if (!x.is_boolean()) throw Wrong{"'dead' must have true and false only"};
         noise.dead.push_back(x.get<bool>());
     }
-    const std::pair<const char*, double*> values[] = {
-        {"free_sum", &noise.free_sum}, {"load_level", &noise.load_level}, {"common", &noise.common}, {"load_limit", &noise.load_limit}};
+    const std::pair<const char*, double*> values[] = {{"free_sum", &noise.free_sum},
+                                                      {"load_level", &noise.load_level},
+                                                      {"common", &noise.common},
+                                                      {"load_limit", &noise.load_limit}};
     for (const auto& [name, value] : values) *value = number(member(levels, name), name);
     const Numbers signs = numbers(member(levels, "sign"), "sign", n), own = TaxelResponses(calibration).sign;
     if (signs != own) throw Wrong{"'sign' is not that of the responses of the calibration"};
@@ -193,8 +210,7 @@ inline Noise noise_of(const Json& document, const Calibration& calibration) {
 }
 
 // Call a function, and return what it or nlohmann-json throws as a status.
-template <class Function>
-Status caught(Function&& function) noexcept {
+template <class Function> Status caught(Function&& function) noexcept {
     try {
         return function();
     } catch (const Wrong& wrong) {
@@ -253,7 +269,8 @@ inline Status load_noise(const std::string& path, const Calibration& calibration
 }
 
 // Read a calibration file, and a noise file if its path is not empty, and start the skin.
-inline Status load(const std::string& path, const std::string& noise_path, const Options& options, Skin& skin) noexcept {
+inline Status load(const std::string& path, const std::string& noise_path, const Options& options,
+                   Skin& skin) noexcept {
     return reading::caught([&] {
         Calibration calibration;
         Noise noise;

@@ -30,7 +30,8 @@ Options options_of(const py::dict& given) {
     return options;
 }
 
-void start(Skin& skin, const std::string& calibration_file, const std::optional<std::string>& noise_file, const py::dict& options) {
+void start(Skin& skin, const std::string& calibration_file, const std::optional<std::string>& noise_file,
+           const py::dict& options) {
     Calibration calibration;
     Noise noise;
     raise(read_calibration(calibration_file, calibration));
@@ -38,8 +39,7 @@ void start(Skin& skin, const std::string& calibration_file, const std::optional<
     raise(skin.start(calibration, options_of(options), noise_file ? &noise : nullptr));
 }
 
-template <class Value>
-py::array_t<Value> array(const std::vector<Value>& values) {
+template <class Value> py::array_t<Value> array(const std::vector<Value>& values) {
     return py::array_t<Value>(static_cast<py::ssize_t>(values.size()), values.data());
 }
 
@@ -58,7 +58,8 @@ py::list names_of(Flags flags) {
 
 void add_polygon(py::dict& result, const SupportingPolygon& polygon) {
     const auto corners = [](const Polygon& p) {
-        return py::array_t<double>({static_cast<py::ssize_t>(p.corners.size()), py::ssize_t{2}}, p.corners.empty() ? nullptr : p.corners[0].data());
+        return py::array_t<double>({static_cast<py::ssize_t>(p.corners.size()), py::ssize_t{2}},
+                                   p.corners.empty() ? nullptr : p.corners[0].data());
     };
     result["outer"] = corners(polygon.outer);
     result["nominal"] = corners(polygon.nominal);
@@ -67,8 +68,7 @@ void add_polygon(py::dict& result, const SupportingPolygon& polygon) {
     result["guaranteed_probability"] = polygon.guaranteed_probability;
 }
 
-template <class AnyFrame>
-void add_points(py::dict& result, const AnyFrame& frame) {
+template <class AnyFrame> void add_points(py::dict& result, const AnyFrame& frame) {
     result["cop"] = frame.cop;
     result["zmp"] = frame.zmp;
     result["cop_sigma"] = frame.cop_sigma;
@@ -89,7 +89,8 @@ py::dict record(const Frame& frame) {
     for (const Contact& c : frame.contacts) {
         py::dict contact;
         contact["number"] = c.number;
-        contact["taxels"] = array(Rows(frame.rows.begin() + static_cast<std::ptrdiff_t>(c.begin), frame.rows.begin() + static_cast<std::ptrdiff_t>(c.end)));
+        contact["taxels"] = array(Rows(frame.rows.begin() + static_cast<std::ptrdiff_t>(c.begin),
+                                       frame.rows.begin() + static_cast<std::ptrdiff_t>(c.end)));
         contact["force"] = c.force;
         contact["wrench"] = c.wrench;
         contact["position"] = c.position;
@@ -103,7 +104,8 @@ py::dict record(const Frame& frame) {
     result["load"] = frame.load;
     result["is_standing"] = frame.stands();
     result["wrench_sigma"] = frame.wrench_sigma;
-    result["force_sigmas"] = frame.is_known && !frame.force_sigmas.empty() ? py::object(array(frame.force_sigmas)) : py::none();
+    result["force_sigmas"] =
+        frame.is_known && !frame.force_sigmas.empty() ? py::object(array(frame.force_sigmas)) : py::none();
     result["load_sigma"] = frame.load_sigma;
     add_points(result, frame);
     add_polygon(result, frame.polygon);
@@ -119,7 +121,8 @@ struct BodyOf {
         for (const auto& link : links) {
             const auto items = link.cast<py::tuple>();
             names.push_back(items[0].cast<std::string>());
-            start(body.add(), items[1].cast<std::string>(), items[2].cast<std::optional<std::string>>(), items[3].cast<py::dict>());
+            start(body.add(), items[1].cast<std::string>(), items[2].cast<std::optional<std::string>>(),
+                  items[3].cast<py::dict>());
         }
         body.start();
     }
@@ -144,7 +147,8 @@ struct BodyOf {
         py::dict result;
         py::list flags = names_of(frame.flags), lost, standing;
         for (std::size_t k = 0; k < names.size(); ++k) {
-            for (const auto& flag : names_of(frame.link_flags[k])) flags.append(names[k] + ":" + flag.cast<std::string>());
+            for (const auto& flag : names_of(frame.link_flags[k]))
+                flags.append(names[k] + ":" + flag.cast<std::string>());
             if (frame.lost[k]) lost.append(names[k]);
             if (frame.standing[k]) standing.append(names[k]);
         }
@@ -164,11 +168,12 @@ struct BodyOf {
 
 PYBIND11_MODULE(skin_calib_cpp, module) {
     py::class_<Skin>(module, "Skin")
-        .def(py::init([](const py::bytes& calibration, const std::optional<std::string>& noise, const py::dict& options) {
-                 auto skin = std::make_unique<Skin>();
-                 start(*skin, calibration, noise, options);
-                 return skin;
-             }),
+        .def(py::init(
+                 [](const py::bytes& calibration, const std::optional<std::string>& noise, const py::dict& options) {
+                     auto skin = std::make_unique<Skin>();
+                     start(*skin, calibration, noise, options);
+                     return skin;
+                 }),
              py::arg("calibration"), py::arg("noise") = py::none(), py::arg("options") = py::dict())
         .def("mask", [](Skin& skin, const std::vector<std::string>& ids) { raise(skin.mask(ids)); })
         .def("update", [](Skin& skin, const Doubles& readings, double time) {

@@ -32,7 +32,8 @@ using reading::Json;
 
 void refuses_files(const std::string& folder) {
     constexpr const char* truncated = "a truncated calibration is refused";
-    const std::string bytes = reading::contents(folder + "/small.calibration.json"), noise_bytes = reading::contents(folder + "/creep.noise.json");
+    const std::string bytes = reading::contents(folder + "/small.calibration.json"),
+                      noise_bytes = reading::contents(folder + "/creep.noise.json");
     Calibration calibration, unchanged;
     Noise noise;
     must(read_calibration(bytes, calibration).ok, "a valid calibration is accepted");
@@ -110,7 +111,8 @@ void flags_readings(const std::string& folder) {
     must(flags(-5.0) & flag::time_still, "time that stands still is flagged");
     must(flags(1e300) & flag::time_jump, "a jump is flagged");
     readings[3] = not_a_number, readings[4] = infinity, readings[5] = 1e300;
-    must((flags(1e300) & (flag::not_finite | flag::too_large)) == (flag::not_finite | flag::too_large), "broken taxels are flagged");
+    must((flags(1e300) & (flag::not_finite | flag::too_large)) == (flag::not_finite | flag::too_large),
+         "broken taxels are flagged");
     std::fill(readings.begin(), readings.end(), not_a_number);
     must(flags(1e300) & flag::blind, "a blind skin is flagged");
     unsigned state = 1;
@@ -127,7 +129,8 @@ void flags_readings(const std::string& folder) {
 
 void flags_bodies(const std::string& folder) {
     Body body;
-    for (const char* name : {"small", "right"}) must(load(folder + "/" + name + ".calibration.json", "", {}, body.add()).ok, "a foot is valid");
+    for (const char* name : {"small", "right"})
+        must(load(folder + "/" + name + ".calibration.json", "", {}, body.add()).ok, "a foot is valid");
     body.start();
     const Numbers readings(body.skins[0]->reading_length(), 100.0);
     Pose pose{};

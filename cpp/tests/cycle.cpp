@@ -20,9 +20,11 @@ int main(int count, char** arguments) {
     Skin skin;
     Options options;
     if (arguments[2][0] == '\0') options.switch_on = 0.2;
-    if (const Status status = load(arguments[1], arguments[2], options, skin); !status.ok) return std::puts(status.message.c_str()), 1;
+    if (const Status status = load(arguments[1], arguments[2], options, skin); !status.ok)
+        return std::puts(status.message.c_str()), 1;
     const std::string bytes = reading::contents(arguments[3]);
-    const std::size_t n = skin.reading_length(), rows = bytes.size() / 2 / n, frames = std::strtoul(arguments[4], nullptr, 10);
+    const std::size_t n = skin.reading_length(), rows = bytes.size() / 2 / n,
+                      frames = std::strtoul(arguments[4], nullptr, 10);
     const auto* readings = reinterpret_cast<const std::uint16_t*>(bytes.data());
     if (rows == 0 || frames == 0) return 2;
     Numbers times;
@@ -36,7 +38,10 @@ int main(int count, char** arguments) {
         contacts += frame.contacts.size(), known += frame.cop.has_value();
     }
     std::sort(times.begin(), times.end());
-    const auto quantile = [&](double q) { return times[std::min(frames - 1, static_cast<std::size_t>(q * static_cast<double>(frames)))]; };
+    const auto quantile = [&](double q) {
+        return times[std::min(frames - 1, static_cast<std::size_t>(q * static_cast<double>(frames)))];
+    };
     std::printf("%.2f %.2f %.2f %.2f %.2f\n", quantile(0.5), quantile(0.99), times.back(),
-                static_cast<double>(contacts) / static_cast<double>(frames + 100), static_cast<double>(known) / static_cast<double>(frames + 100));
+                static_cast<double>(contacts) / static_cast<double>(frames + 100),
+                static_cast<double>(known) / static_cast<double>(frames + 100));
 }

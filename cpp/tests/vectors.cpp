@@ -20,7 +20,9 @@ void report(const char* name, const std::string& expected, const std::string& fo
 
 // Return a number of a file: null is NaN, and infinite numbers are texts.
 double number(const Json& x) {
-    return x.is_null() ? not_a_number : x.is_string() ? (x.get<std::string>()[0] == '-' ? -infinity : infinity) : x.get<double>();
+    return x.is_null()     ? not_a_number
+           : x.is_string() ? (x.get<std::string>()[0] == '-' ? -infinity : infinity)
+                           : x.get<double>();
 }
 
 Numbers numbers(const Json& values) {
@@ -60,7 +62,8 @@ void compare(const char* name, const Json& expected, const Booleans& found) {
 
 void compare(const char* name, const Json& expected, const std::optional<bool>& found) {
     ++compared;
-    if (expected != (found ? Json(*found) : Json(nullptr))) report(name, expected.dump(), found ? (*found ? "true" : "false") : "null");
+    if (expected != (found ? Json(*found) : Json(nullptr)))
+        report(name, expected.dump(), found ? (*found ? "true" : "false") : "null");
 }
 
 // Compare two polygons by area and by the distances of their corners.
@@ -219,7 +222,8 @@ int main(int count, char** arguments) {
         where = name;
         ++cases;
         const Json test = document(entry.path());
-        test.contains("links") ? compare_body(test, entry.path().parent_path()) : compare_skin(test, entry.path().parent_path());
+        test.contains("links") ? compare_body(test, entry.path().parent_path())
+                               : compare_skin(test, entry.path().parent_path());
     }
     std::printf("%d cases, %d values, %d differences\n", cases, compared, wrong);
     return wrong != 0 || cases == 0;

@@ -27,17 +27,17 @@ struct LinkInput {
 
 // The state of several skins at one time, in the world frame; points on the ground have its coordinates.
 struct BodyFrame {
-    double time = 0;                       // [s]
-    Flags flags = 0;               // of the body: not_coplanar
-    std::vector<Flags> link_flags; // (links,) of each link: those of its frame, no_reading, no_pose, wrong_pose
-    std::vector<const Frame*> links;       // (links,) its frame; nullptr without reading or pose
-    Booleans lost;                         // (links,) whether the contact of the link is not known
-    bool is_foot_lost = false;             // whether such a link may stand: then no point and no polygon is known
-    Booleans standing;                     // (links,) whether the link carries enough load for a CoP
-    std::optional<Vec6> wrench;            // of all links about the origin of the world [N, N m]; nothing if one is lost
-    Reason reason = Reason::not_known;     // why there is no ZMP
+    double time = 0;                   // [s]
+    Flags flags = 0;                   // of the body: not_coplanar
+    std::vector<Flags> link_flags;     // (links,) of each link: those of its frame, no_reading, no_pose, wrong_pose
+    std::vector<const Frame*> links;   // (links,) its frame; nullptr without reading or pose
+    Booleans lost;                     // (links,) whether the contact of the link is not known
+    bool is_foot_lost = false;         // whether such a link may stand: then no point and no polygon is known
+    Booleans standing;                 // (links,) whether the link carries enough load for a CoP
+    std::optional<Vec6> wrench;        // of all links about the origin of the world [N, N m]; nothing if one is lost
+    Reason reason = Reason::not_known; // why there is no ZMP
     std::optional<Vec2> cop, zmp, cop_sigma, zmp_sigma; // on the ground [m]
-    SupportingPolygon polygon;             // of the standing feet, on the ground; nothing is in it if a foot is lost
+    SupportingPolygon polygon; // of the standing feet, on the ground; nothing is in it if a foot is lost
 };
 
 // The skins of several links of one robot. `update` allocates no memory, takes no locks and throws nothing.
@@ -197,8 +197,8 @@ private:
     }
 
     // Return the standard deviations of the mean of points of the feet, weighted by their loads.
-    std::optional<Vec2> deviation(const std::optional<Vec2>& point, double total, std::optional<Vec2> Frame::*own,
-                                  std::optional<Vec2> Frame::*sigma) const noexcept {
+    std::optional<Vec2> deviation(const std::optional<Vec2>& point, double total, std::optional<Vec2> Frame::* own,
+                                  std::optional<Vec2> Frame::* sigma) const noexcept {
         if (!point) return std::nullopt;
         Vec2 variance{};
         for (std::size_t k = 0; k < skins.size(); ++k) {
@@ -229,7 +229,7 @@ private:
     }
 
     // Compute the hull of one polygon of all standing feet, on the common ground, and its probability.
-    void join(Polygon SupportingPolygon::*kind, std::optional<double> SupportingPolygon::*probability) noexcept {
+    void join(Polygon SupportingPolygon::* kind, std::optional<double> SupportingPolygon::* probability) noexcept {
         points_.clear();
         bool has_probability = true;
         double wrong = 0;

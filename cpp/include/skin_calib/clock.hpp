@@ -8,25 +8,26 @@ namespace skin_calib {
 // Problems of a frame, as bits of `Frame::flags`; the names are those of Python.
 using Flags = std::uint32_t;
 namespace flag {
-inline constexpr Flags wrong_length = 1u << 0;    // the reading is missing, or too short for the highest channel
-inline constexpr Flags not_finite = 1u << 1;      // some taxels sent NaN or infinity
-inline constexpr Flags too_large = 1u << 2;       // some forces are impossible
-inline constexpr Flags blind = 1u << 3;           // no taxel has a valid force
-inline constexpr Flags saturated = 1u << 4;       // some forces may be larger
-inline constexpr Flags noise_unknown = 1u << 5;   // nothing is guaranteed
-inline constexpr Flags dead = 1u << 6;            // some taxels did not change at rest
+inline constexpr Flags wrong_length = 1u << 0;  // the reading is missing, or too short for the highest channel
+inline constexpr Flags not_finite = 1u << 1;    // some taxels sent NaN or infinity
+inline constexpr Flags too_large = 1u << 2;     // some forces are impossible
+inline constexpr Flags blind = 1u << 3;         // no taxel has a valid force
+inline constexpr Flags saturated = 1u << 4;     // some forces may be larger
+inline constexpr Flags noise_unknown = 1u << 5; // nothing is guaranteed
+inline constexpr Flags dead = 1u << 6;          // some taxels did not change at rest
 inline constexpr Flags time_not_finite = 1u << 7;
-inline constexpr Flags time_still = 1u << 8;      // equal to the last time
-inline constexpr Flags time_back = 1u << 9;       // before the last time
-inline constexpr Flags time_jump = 1u << 10;      // so long after the last frame that its contacts say nothing about this one
-inline constexpr Flags dropped = 1u << 11;        // frames between the last one and this one are missing
-inline constexpr Flags no_reading = 1u << 12;     // of a body: this link has no reading
-inline constexpr Flags no_pose = 1u << 13;        // of a body: this link has no finite pose
-inline constexpr Flags wrong_pose = 1u << 14;     // of a body: the pose of this link is no rigid motion
-inline constexpr Flags not_coplanar = 1u << 15;   // of a body: feet stand at different heights, or tilted
-inline constexpr const char* names[] = {"wrong_length", "not_finite", "too_large", "blind", "saturated", "noise_unknown", "dead",
-                                 "time_not_finite", "time_still", "time_back", "time_jump", "dropped", "no_reading",
-                                 "no_pose", "wrong_pose", "not_coplanar"}; // of the bits
+inline constexpr Flags time_still = 1u << 8;    // equal to the last time
+inline constexpr Flags time_back = 1u << 9;     // before the last time
+inline constexpr Flags time_jump = 1u << 10;    // the contacts before say nothing about this frame
+inline constexpr Flags dropped = 1u << 11;      // frames between the last one and this one are missing
+inline constexpr Flags no_reading = 1u << 12;   // of a body: this link has no reading
+inline constexpr Flags no_pose = 1u << 13;      // of a body: this link has no finite pose
+inline constexpr Flags wrong_pose = 1u << 14;   // of a body: the pose of this link is no rigid motion
+inline constexpr Flags not_coplanar = 1u << 15; // of a body: feet stand at different heights, or tilted
+inline constexpr const char* names[] = {"wrong_length", "not_finite",    "too_large",  "blind",
+                                        "saturated",    "noise_unknown", "dead",       "time_not_finite",
+                                        "time_still",   "time_back",     "time_jump",  "dropped",
+                                        "no_reading",   "no_pose",       "wrong_pose", "not_coplanar"}; // of the bits
 } // namespace flag
 
 // Keep the time of the last frame, that of the last one with a valid reading, and the usual period between frames.
@@ -37,7 +38,7 @@ public:
         if (!std::isfinite(time)) return flag::time_not_finite;
         if (!last_) return 0;
         const double gap = time - *last_;
-        if (gap == 0) return last_ == valid_ ? flag::time_still : 0; // after an unusable frame, a reading may be sent again
+        if (gap == 0) return last_ == valid_ ? flag::time_still : 0; // after an unusable frame, it may be sent again
         if (gap < 0) return flag::time_back;
         if (is_jump(gap)) return flag::time_jump;
         return period_ > 0 && gap > 1.75 * period_ ? flag::dropped : 0;

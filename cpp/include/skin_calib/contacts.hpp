@@ -108,8 +108,7 @@ private:
     }
 
     // Give contacts without a number that of the last contact with the most owners in it; of equal ones, the lowest.
-    template <class OwnerOf>
-    void take_over(const Rows& rows, OwnerOf owner_of) noexcept {
+    template <class OwnerOf> void take_over(const Rows& rows, OwnerOf owner_of) noexcept {
         overlaps_.clear();
         for (std::size_t g = 0; g + 1 < starts_.size(); ++g) {
             touched_.clear();
@@ -118,8 +117,8 @@ private:
                 if (owner != none && counts_[static_cast<std::size_t>(owner)]++ == 0) touched_.push_back(owner);
             }
             for (std::int32_t owner : touched_) {
-                overlaps_.push_back({std::exchange(counts_[static_cast<std::size_t>(owner)], 0), owner,
-                                     static_cast<std::int32_t>(g)});
+                overlaps_.push_back(
+                    {std::exchange(counts_[static_cast<std::size_t>(owner)], 0), owner, static_cast<std::int32_t>(g)});
             }
         }
         std::sort(overlaps_.begin(), overlaps_.end(), [this](const Overlap& a, const Overlap& b) {

@@ -7,9 +7,9 @@
 
 namespace skin_calib {
 
-inline constexpr double min_load = 5.0;                              // [N] load below which there is no CoP without noise
-inline constexpr double outer_probability = 0.9993128620620841;      // that outer contains a cell at its detection limit
-inline constexpr double guaranteed_probability = 0.9997;             // that each cell of guaranteed is touched
+inline constexpr double min_load = 5.0;                         // [N] load below which there is no CoP without noise
+inline constexpr double outer_probability = 0.9993128620620841; // that outer contains a cell at its detection limit
+inline constexpr double guaranteed_probability = 0.9997;        // that each cell of guaranteed is touched
 
 // Three supporting polygons in the coordinates of the ground. They differ because the cells are large.
 struct SupportingPolygon {
@@ -39,24 +39,24 @@ inline const char* text(Reason reason) noexcept {
 struct Frame {
     static constexpr bool faults_watched = false;
 
-    double time = 0;              // [s]
-    Flags flags = 0;              // bits: see `flag`
-    bool is_known = false;        // whether a taxel has a valid force; otherwise nothing in the frame is known
-    Numbers forces;               // (n,) on each taxel [N]; 0 if it is unknown
-    Booleans known;               // (n,) whether the taxel has a valid force
-    Booleans saturated;           // (n,) whether the force may be larger
-    Touched sets;                 // which taxels are touched, surely and possibly, and their weights in the sums
-    Rows rows;                    // (a,) active taxels, sorted by contact
+    double time = 0;       // [s]
+    Flags flags = 0;       // bits: see `flag`
+    bool is_known = false; // whether a taxel has a valid force; otherwise nothing in the frame is known
+    Numbers forces;        // (n,) on each taxel [N]; 0 if it is unknown
+    Booleans known;        // (n,) whether the taxel has a valid force
+    Booleans saturated;    // (n,) whether the force may be larger
+    Touched sets;          // which taxels are touched, surely and possibly, and their weights in the sums
+    Rows rows;             // (a,) active taxels, sorted by contact
     std::vector<Contact> contacts;
-    Vec6 wrench{};                // about the origin of the link [N, N m]; NaN if it is unknown
+    Vec6 wrench{};                    // about the origin of the link [N, N m]; NaN if it is unknown
     std::optional<Vec6> wrench_sigma; // standard deviations; all deviations are missing if the noise is unknown
-    Numbers force_sigmas;         // (n,) [N]; infinite where it is unknown; empty if the noise is unknown
-    double load = 0;              // vertical force of the ground [N]
+    Numbers force_sigmas;             // (n,) [N]; infinite where it is unknown; empty if the noise is unknown
+    double load = 0;                  // vertical force of the ground [N]
     std::optional<double> load_sigma;
     Reason reason = Reason::not_known; // why there is no CoP
-    std::optional<Vec2> cop, zmp; // in the coordinates of the ground [m]
+    std::optional<Vec2> cop, zmp;      // in the coordinates of the ground [m]
     std::optional<Vec2> cop_sigma, zmp_sigma;
-    SupportingPolygon polygon;    // empty without a ground
+    SupportingPolygon polygon; // empty without a ground
 
     bool has(Flags flag) const noexcept { return (flags & flag) != 0; }
 

@@ -66,7 +66,8 @@ struct SkinGeometry {
 
     std::size_t n = 0;
     Calibration calibration;
-    Rows neighbours, first; // neighbours of taxel i are in [first[i], first[i + 1]): the higher rows, then the lower ones
+    Rows neighbours,
+        first; // neighbours of taxel i are in [first[i], first[i + 1]): the higher rows, then the lower ones
     std::size_t most_neighbours = 0;
     std::vector<LinkTerms> terms; // of a force of 1 N: 1, position, height of the tangent plane, wrench about the link
 
@@ -108,27 +109,30 @@ struct Terms {
     using Sums = std::array<double, 12>;
     using Products = std::array<double, 10>;
 
-    std::vector<Sums> rows; // wrench about the origin of the link; lift, lift x, lift y; f_z, tau_x, tau_y of the ground
+    std::vector<Sums>
+        rows; // wrench about the origin of the link; lift, lift x, lift y; f_z, tau_x, tau_y of the ground
     std::vector<SkinGeometry::LinkTerms> link;
-    std::vector<Products> products; // of ground terms: l, lx, ly with themselves, lx, ly with l; in this way f_z, tau_x, y
-    bool has_moments = false;       // whether they have the moments within the cells
+    std::vector<Products>
+        products;             // of ground terms: l, lx, ly with themselves, lx, ly with l; the same of f_z, tau_x, y
+    bool has_moments = false; // whether they have the moments within the cells
 
     // Compute the products, which covariances of sums need.
     void multiply() {
         products.clear();
         for (const Sums& t : rows)
-            products.push_back({t[6] * t[6], t[7] * t[7], t[8] * t[8], t[7] * t[6], t[8] * t[6],
-                                t[9] * t[9], t[10] * t[10], t[11] * t[11], t[10] * t[9], t[11] * t[9]});
+            products.push_back({t[6] * t[6], t[7] * t[7], t[8] * t[8], t[7] * t[6], t[8] * t[6], t[9] * t[9],
+                                t[10] * t[10], t[11] * t[11], t[10] * t[9], t[11] * t[9]});
     }
 };
 
 // The taxels that can stand on the ground, in the coordinates of the ground.
 struct GroundGeometry {
     Plane plane;
-    Booleans can_stand;         // whether a taxel looks down
+    Booleans can_stand; // whether a taxel looks down
     std::size_t standing_count = 0;
-    std::vector<Vec2> centres;  // of the cells [m]
-    // Moments of the pressure gradient in the cells that `plain` leaves out, per force: lift x, lift y; about the link [m]
+    std::vector<Vec2> centres; // of the cells [m]
+    // Moments of the pressure gradient in the cells that `plain` leaves out, per force: lift x, lift y; about the link
+    // [m]
     std::vector<std::array<double, 8>> gradient;
     Terms plain, full_contact, in_cell;
     HullTable centre_hull, sure_hull, corner_hull;
@@ -161,7 +165,8 @@ struct GroundGeometry {
             const Vec3 moment = cross(plane.along(plus(c.positions[i], plane.origin, -1)), pushes_[i]);
             Terms::Sums row{};
             std::copy(skin.terms[i].begin() + 5, skin.terms[i].end(), row.begin());
-            const double own[] = {lift, lift * centres[i][0], lift * centres[i][1], pushes_[i][2], moment[0], moment[1]};
+            const double own[] = {lift,     lift * centres[i][0], lift * centres[i][1], pushes_[i][2], moment[0],
+                                  moment[1]};
             std::copy(std::begin(own), std::end(own), row.begin() + 6);
             plain.rows.push_back(row);
             standing_count += can_stand[i];

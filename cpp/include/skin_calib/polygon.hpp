@@ -77,7 +77,8 @@ struct Polygon {
         for (std::size_t k = 0; k < corners.size(); ++k) {
             const Vec2 a = corners[k], e = arm((k + 1) % corners.size(), k);
             const double square = e[0] * e[0] + e[1] * e[1];
-            const double t = square > 0 ? std::clamp(((p[0] - a[0]) * e[0] + (p[1] - a[1]) * e[1]) / square, 0.0, 1.0) : 0;
+            const double t =
+                square > 0 ? std::clamp(((p[0] - a[0]) * e[0] + (p[1] - a[1]) * e[1]) / square, 0.0, 1.0) : 0;
             const Vec2 foot{a[0] + t * e[0], a[1] + t * e[1]};
             const double distance = std::hypot(foot[0] - p[0], foot[1] - p[1]);
             if (distance < least) least = distance, best = foot;
@@ -349,8 +350,7 @@ private:
     }
 
     // Add the chain that turns left from the first to the last of sorted points, without the last one.
-    template <class Iterator>
-    void add_lefts(Iterator first, Iterator last) noexcept {
+    template <class Iterator> void add_lefts(Iterator first, Iterator last) noexcept {
         chain_.clear();
         for (; first != last; ++first) {
             while (chain_.size() > 1 && turn(chain_[chain_.size() - 2], chain_.back(), *first) <= 0) chain_.pop_back();

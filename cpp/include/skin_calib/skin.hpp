@@ -77,12 +77,14 @@ public:
 
     const std::optional<Noise>& noise() const noexcept { return noise_; }
 
-    // Leave out defective taxels from now on; an empty list masks none. After an error the masked taxels stay as before.
+    // Leave out defective taxels from now on; an empty list masks none. After an error the masked taxels stay as
+    // before.
     Status mask(const std::vector<std::string>& masked) {
         Booleans alive(size(), 1);
         for (const std::string& id : masked) {
             const auto found = std::find(ids().begin(), ids().end(), id);
-            if (found == ids().end()) return Status::error("no taxel '" + id + "' on the skin of " + geometry.calibration.link);
+            if (found == ids().end())
+                return Status::error("no taxel '" + id + "' on the skin of " + geometry.calibration.link);
             alive[static_cast<std::size_t>(found - ids().begin())] = 0;
         }
         alive_ = alive;
@@ -92,8 +94,7 @@ public:
 
     // Return the frame of one reading; it is valid until the next call. A wrong reading gives a frame with flags.
     //   readings: (count,) of any type of numbers, one frame of the electronics; `time`: of the reading [s]
-    template <class Number>
-    const Frame& update(const Number* readings, std::size_t count, double time) noexcept {
+    template <class Number> const Frame& update(const Number* readings, std::size_t count, double time) noexcept {
         const Flags flags = clock_.flags(time);
         if (!is_ready_ || readings == nullptr || count < length_) return unknown(time, flags | flag::wrong_length);
         for (std::size_t i = 0; i < size(); ++i)
@@ -211,7 +212,8 @@ private:
             const double left_out = (1 - frame_.sets.weights[i]) * frame_.forces[i];
             variances_[i] = weighted * weighted + left_out * left_out;
             const double around = !frame_.known[i] || pushes[i] > 0 ? geometry.mean_around(pushes, i) : 0.0;
-            if (!is_complete && !frame_.known[i]) variances_[i] = around * around; // it may carry what its neighbours do
+            if (!is_complete && !frame_.known[i])
+                variances_[i] = around * around; // it may carry what its neighbours do
             if (pushes[i] > 0) {
                 const double uneven = std::max(pushes[i] - around, 0.0);
                 placed += uneven * uneven * geometry.calibration.areas[i];
@@ -285,7 +287,8 @@ private:
     const Frame& unknown(double time, Flags flags) noexcept {
         clock_.accept(time, false);
         std::fill(frame_.forces.begin(), frame_.forces.end(), 0.0);
-        for (auto* list : {&frame_.known, &frame_.saturated, &frame_.sets.active, &frame_.sets.sure, &frame_.sets.possible})
+        for (auto* list :
+             {&frame_.known, &frame_.saturated, &frame_.sets.active, &frame_.sets.sure, &frame_.sets.possible})
             std::fill(list->begin(), list->end(), 0);
         for (auto* list : {&frame_.sets.weights, &frame_.sets.pushes}) std::fill(list->begin(), list->end(), 0.0);
         std::fill(frame_.force_sigmas.begin(), frame_.force_sigmas.end(), infinity);
@@ -308,7 +311,7 @@ private:
     ContactFinder finder_;
     Clock clock_;
     Terms no_ground_;
-    std::vector<Vec6> squares_; // (n,) of the wrenches of 1 N
+    std::vector<Vec6> squares_;    // (n,) of the wrenches of 1 N
     const Terms* terms_ = nullptr; // of the sums at partial contact
     Numbers baseline_, most_, limits_, raw_, last_, shifted_, signed_, variances_;
     Booleans alive_;

@@ -7,11 +7,11 @@ namespace skin_calib {
 
 // What is touched in one frame.
 struct Touched {
-    Booleans active;          // (n,) whether a taxel is in a contact
-    Booleans sure;            // (n,) whether it is surely touched; all 0 without `has_sure`
-    Booleans possible;        // (n,) whether it is possibly touched
-    Numbers weights, pushes;  // (n,) of its force in the sums; its part of the sums [N]
-    bool has_sure = false;    // whether something can be sure: otherwise noise and thresholds are unknown
+    Booleans active;            // (n,) whether a taxel is in a contact
+    Booleans sure;              // (n,) whether it is surely touched; all 0 without `has_sure`
+    Booleans possible;          // (n,) whether it is possibly touched
+    Numbers weights, pushes;    // (n,) of its force in the sums; its part of the sums [N]
+    bool has_sure = false;      // whether something can be sure: otherwise noise and thresholds are unknown
     std::optional<bool> stands; // whether there is a load; nothing if sums of the noise are unknown: then 5 N decide
 
     void resize(std::size_t n) {
@@ -47,7 +47,8 @@ public:
     }
 
     // Decide what is touched in the next frame.
-    //   signed_readings, forces, known: (n,) of the frame; `is_complete`: all are known; `is_new`: a reading has changed
+    //   signed_readings, forces, known: (n,) of the frame; `is_complete`: all are known; `is_new`: a reading has
+    //   changed
     void decide(const Numbers& signed_readings, const Numbers& forces, const Booleans& known, bool is_complete,
                 bool is_new, Touched& sets) noexcept {
         if (noise_)
@@ -148,7 +149,8 @@ private:
             if (is_hidden) {
                 sets.weights[i] += hidden * (1 - sets.weights[i]);
                 const double x = signed_[i];
-                force += std::min(x <= noise.clip[i] ? noise.below_clip[i] : (x - noise.mean[i]) * noise.slopes[i], 0.0);
+                force +=
+                    std::min(x <= noise.clip[i] ? noise.below_clip[i] : (x - noise.mean[i]) * noise.slopes[i], 0.0);
             }
             sets.pushes[i] = (force + noise.rectified[i]) * sets.weights[i] - noise.rectified[i];
         }

@@ -55,8 +55,7 @@ inline Vec3 unit(const Vec3& v) {
     return length > 0 ? Vec3{v[0] / length, v[1] / length, v[2] / length} : v;
 }
 
-template <class Values>
-bool all_finite(const Values& values) {
+template <class Values> bool all_finite(const Values& values) {
     return std::all_of(values.begin(), values.end(), [](double x) { return std::isfinite(x); });
 }
 
@@ -132,19 +131,19 @@ private:
 struct Calibration {
     std::string link, checksum;
     std::vector<std::string> ids;
-    std::vector<std::int64_t> channels;       // position in a reading
-    std::vector<Vec3> positions, normals;     // [m]; unit, out of the robot
-    Numbers areas;                            // of the cells [m^2]
-    std::vector<std::vector<Vec3>> corners;   // of the cells [m]
+    std::vector<std::int64_t> channels;             // position in a reading
+    std::vector<Vec3> positions, normals;           // [m]; unit, out of the robot
+    Numbers areas;                                  // of the cells [m^2]
+    std::vector<std::vector<Vec3>> corners;         // of the cells [m]
     std::vector<std::array<std::int32_t, 2>> pairs; // rows of neighbours, the lower row first
     std::vector<Response> responses;
-    Rows response;                            // index of the response of each taxel
+    Rows response; // index of the response of each taxel
 };
 
 // What `tare` learnt: baseline, noise of each taxel at rest, and the levels of signed readings that follow from it.
 // The names are those of skin_calib_addon/runtime/noise.py, which explains how they are learnt.
 struct Noise {
-    Numbers baseline; // (n,) added to each reading, so that the reading at rest gives no force
+    Numbers baseline;      // (n,) added to each reading, so that the reading at rest gives no force
     bool is_known = false; // otherwise the file has a baseline only
     Numbers mean, sigma, sure, lasting, pair, possible, release, slopes, free, rectified, clip, below_clip;
     Booleans dead;
@@ -160,13 +159,14 @@ struct Options {
 };
 
 inline constexpr double max_link_distance = 21.0; // [m] of a point from its link. Larger: lengths in millimetres pass
-inline constexpr double max_area = 1.0;                // [m^2] of a cell
-inline constexpr double single_rounding = 1e-6;        // of the length of a normal
+inline constexpr double max_area = 1.0;           // [m^2] of a cell
+inline constexpr double single_rounding = 1e-6;   // of the length of a normal
 
 // Return what is wrong with a ground.
 inline Status check(const Plane& plane) {
     for (const Vec3& axis : plane.axes)
-        if (!(std::abs(dot(axis, axis) - 1) < 1e-3)) return Status::error("the axes of the ground must have unit length");
+        if (!(std::abs(dot(axis, axis) - 1) < 1e-3))
+            return Status::error("the axes of the ground must have unit length");
     if (!(dot(plane.origin, plane.origin) < 1e6)) return Status::error("the origin of the ground must be within 1 km");
     return {};
 }
@@ -200,16 +200,20 @@ inline Status check(const Calibration& c) {
     for (std::size_t k = 0; k < c.pairs.size(); ++k) {
         const auto [i, j] = c.pairs[k];
         if (i < 0 || j <= i || static_cast<std::size_t>(j) >= n || (k > 0 && !(c.pairs[k - 1] < c.pairs[k])))
-            return Status::error("pair " + std::to_string(k) + " must be two rows in ascending order, after the last one");
+            return Status::error("pair " + std::to_string(k) +
+                                 " must be two rows in ascending order, after the last one");
     }
     for (std::size_t k = 0; k < c.responses.size(); ++k) {
         const Response& r = c.responses[k];
-        const auto wrong = [&](const char* what) { return Status::error("response " + std::to_string(k) + ": " + what); };
+        const auto wrong = [&](const char* what) {
+            return Status::error("response " + std::to_string(k) + ": " + what);
+        };
         if (!all_finite(r.coefficients) || !all_finite(r.readings) || !all_finite(r.forces))
             return wrong("a number is not finite");
         if (!r.is_table() && (r.coefficients.empty() || r.coefficients.size() > 16))
             return wrong("a polynomial has 1 to 16 coefficients");
-        if (!r.is_table() && r.range && !((*r.range)[0] < (*r.range)[1] && std::isfinite((*r.range)[1] - (*r.range)[0])))
+        if (!r.is_table() && r.range &&
+            !((*r.range)[0] < (*r.range)[1] && std::isfinite((*r.range)[1] - (*r.range)[0])))
             return wrong("its range must be two finite readings, the lower one first");
         if (r.is_table() && (r.readings.size() < 2 || r.readings.size() != r.forces.size()))
             return wrong("a table has two rows at least, and a force for each reading");
@@ -230,9 +234,9 @@ inline Status check(const Noise& noise, std::size_t n) {
         return Status::error("the baseline must have a finite number for each of " + std::to_string(n) + " taxels");
     if (!noise.is_known) return {};
     const std::pair<const char*, const Numbers*> arrays[] = {
-        {"mean", &noise.mean},         {"sigma", &noise.sigma},     {"sure", &noise.sure},
-        {"lasting", &noise.lasting},   {"pair", &noise.pair},       {"possible", &noise.possible},
-        {"release", &noise.release},   {"slopes", &noise.slopes},   {"free", &noise.free},
+        {"mean", &noise.mean},           {"sigma", &noise.sigma},   {"sure", &noise.sure},
+        {"lasting", &noise.lasting},     {"pair", &noise.pair},     {"possible", &noise.possible},
+        {"release", &noise.release},     {"slopes", &noise.slopes}, {"free", &noise.free},
         {"rectified", &noise.rectified}, {"clip", &noise.clip},     {"below_clip", &noise.below_clip}};
     for (const auto& [name, values] : arrays) {
         if (values->size() != n)
