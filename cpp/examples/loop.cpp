@@ -91,6 +91,7 @@ void act(const Frame& frame, long cycle) {
     for (unsigned k = 0; k < std::size(flag::names); ++k)
         if (frame.flags & (1u << k)) std::printf("; %s", flag::names[k]);
     std::printf("\n");
+    std::fflush(stdout);
 }
 
 } // namespace

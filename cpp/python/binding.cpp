@@ -167,6 +167,10 @@ struct BodyOf {
 } // namespace
 
 PYBIND11_MODULE(skin_calib_cpp, module) {
+    module.def("measure", [](const std::vector<Vec2>& corners, const Vec2& point) {
+        const Polygon polygon{corners};
+        return py::make_tuple(polygon.area(), polygon.contains(point), polygon.margin(point), polygon.closest(point));
+    });
     py::class_<Skin>(module, "Skin")
         .def(py::init(
                  [](const py::bytes& calibration, const std::optional<std::string>& noise, const py::dict& options) {

@@ -18,7 +18,7 @@ import numpy as np
 
 from skin_calib_addon.calibration import LinkCalibration, Response, ResponseTable
 from skin_calib_addon.calibration.file import to_document
-from skin_calib_addon.runtime import Body, Skin
+from skin_calib_addon.runtime import Body, Polygon, Skin
 from tests.samples import plane, small_calibration
 from tests.soles import cell_patch, sole_patch
 from tests.vectors.make import noise_document, record, record_body, rest_counts, skin_of
@@ -36,7 +36,8 @@ class Difference(Exception):
 class Comparison:
     """Compare frames, and keep the largest differences."""
 
-    def __init__(self) -> None:
+    def __init__(self, module) -> None:
+        self.measure, self.rng = module.measure, np.random.default_rng(0)
         self.largest: Counter = Counter()
         self.counts: Counter = Counter()
 
@@ -134,11 +135,24 @@ class Comparison:
                 continue
             if not len(a):
                 continue
+            self.measures(a)
             distance = max(distances(a, b), distances(b, a))
             perimeter = float(np.linalg.norm(a - np.roll(a, -1, axis=0), axis=1).sum())
             self.largest[f"{name} [m]"] = max(self.largest[f"{name} [m]"], distance)
             if not (distance <= LENGTH and abs(area(a) - area(b)) <= LENGTH * max(perimeter, LENGTH)):
                 raise Difference(f"{name}: {distance} m apart: {a.tolist()} in Python, {b.tolist()} in C++")
+
+    def measures(self, corners: np.ndarray) -> None:
+        """Compare area, margin and nearest point of a polygon, for a point near it, or on its border."""
+        rng, polygon = self.rng, Polygon(np.array(corners))
+        near = corners[rng.integers(len(corners))], corners[rng.integers(len(corners))]
+        point = near[0] + rng.choice((0.0, 0.5, rng.random())) * (near[1] - near[0])
+        point = point + rng.choice((0.0, 1e-9, 0.01, 1.0)) * rng.normal(size=2)
+        size, is_inside, margin, closest = self.measure(corners, point)
+        self.exact("contains", polygon.contains(point), is_inside)
+        for name, a, b in (("area", polygon.area, size), ("margin", polygon.margin(point), margin)):
+            self.close(f"polygon {name}", a, b, 1.0)
+        self.close("polygon closest", polygon.closest(point), closest, 1.0, 1e-9)
 
 
 def area(corners: np.ndarray) -> float:
@@ -387,7 +401,7 @@ def main() -> None:
     sys.path.insert(0, str(given.module))
     import skin_calib_cpp
 
-    comparison, done, seed, start = Comparison(), 0, given.seed, time.time()
+    comparison, done, seed, start = Comparison(skin_calib_cpp), 0, given.seed, time.time()
     while done < given.frames:
         compare = compare_body if seed % 8 == 7 else compare_skin
         try:

@@ -195,7 +195,7 @@ def readings_of(skin: Skin, case: Case, rng: np.random.Generator) -> Iterator[tu
         if case.trouble:
             wrong = rng.integers(12)
             if wrong < 3:
-                counts[rng.integers(len(counts))] = (np.nan, np.inf, 1e300)[wrong]
+                counts[rng.integers(len(counts))] = (np.nan, np.inf, 1e6)[wrong]
             time += {3: -1.0, 4: 2.0, 5: -0.004, 6: 0.1}.get(wrong, 0.0)
             if wrong == 7:
                 counts = counts[:-1]

@@ -27,6 +27,8 @@ struct LinkInput {
 
 // The state of several skins at one time, in the world frame; points on the ground have its coordinates.
 struct BodyFrame {
+    static constexpr bool faults_watched = false; // see `Frame`
+
     double time = 0;                   // [s]
     Flags flags = 0;                   // of the body: not_coplanar
     std::vector<Flags> link_flags;     // (links,) of each link: those of its frame, no_reading, no_pose, wrong_pose
