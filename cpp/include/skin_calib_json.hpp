@@ -16,7 +16,8 @@ namespace reading {
 
 using Json = nlohmann::json;
 
-inline constexpr std::size_t max_bytes = std::size_t{512} << 20; // of a file; a larger one is refused
+// Limits of a file, as in Python. Larger: a hostile file uses more memory.
+inline constexpr std::size_t max_bytes = std::size_t{512} << 20, max_values = std::size_t{1} << 24, max_depth = 32;
 
 // Throws inside of this header only: the public functions return it as a status.
 struct Wrong {
@@ -222,8 +223,25 @@ template <class Function> Status caught(Function&& function) noexcept {
     }
 }
 
+// Refuse files with too many values or nesting levels before they are parsed.
+inline void measure(std::string_view bytes) {
+    std::size_t values = 0, depth = 0;
+    bool in_text = false;
+    for (std::size_t k = 0; k < bytes.size(); ++k) {
+        const char c = bytes[k];
+        if (in_text && c == '\\') ++k;
+        if (c == '"') in_text = !in_text;
+        if (in_text) continue;
+        values += c == '[' || c == '{' || c == ',';
+        depth += c == '[' || c == '{';
+        depth -= depth > 0 && (c == ']' || c == '}');
+        if (depth > max_depth) throw Wrong{"the file has more than 32 nesting levels"};
+    }
+    if (bytes.size() > max_bytes || values > max_values) throw Wrong{"the file has too many values"};
+}
+
 inline Json parsed(std::string_view bytes) {
-    if (bytes.size() > max_bytes) throw Wrong{"the file is larger than 512 MiB"};
+    measure(bytes);
     Json document = Json::parse(bytes.begin(), bytes.end(), nullptr, false);
     if (document.is_discarded()) throw Wrong{"the file is no JSON, or is truncated"};
     return document;

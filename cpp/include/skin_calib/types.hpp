@@ -189,7 +189,7 @@ inline Status check(const Calibration& c) {
         if (!(std::abs(std::sqrt(dot(c.normals[i], c.normals[i])) - 1) <= single_rounding))
             return at("its normal is not a unit vector", i);
         if (!(c.areas[i] > 0 && c.areas[i] <= max_area)) return at("its area is not in 0 to 1 m^2", i);
-        if (c.corners[i].size() < 3 || c.corners[i].size() > 1000) return at("its cell must have 3 to 1000 corners", i);
+        if (c.corners[i].size() < 3 || c.corners[i].size() > 256) return at("its cell must have 3 to 256 corners", i);
         if (c.response[i] < 0 || static_cast<std::size_t>(c.response[i]) >= c.responses.size())
             return at("its response is not in the list of responses", i);
     }
