@@ -70,7 +70,7 @@ cpp: $(VENV)/cpp-ready  ## the C++ runtime: gcc and clang, tests with sanitizers
 	cmake -S cpp/tests/package -B build/cpp-package -DCMAKE_PREFIX_PATH=$(CURDIR)/build/cpp-installed >/dev/null
 	cmake --build build/cpp-package
 	build/cpp-package/uses_skin_calib tests/vectors/small.calibration.json
-	CXX=g++ cmake -S cpp -B build/python -DSKIN_CALIB_TESTS=OFF -DSKIN_CALIB_PYTHON=ON -DPYTHON_EXECUTABLE=$(CURDIR)/$(BIN)/python \
+	CXX=g++ cmake -S cpp -B build/python -DSKIN_CALIB_TESTS=OFF -DSKIN_CALIB_PYTHON=ON -DPYTHON_EXECUTABLE=$(abspath $(BIN)/python) \
 		-Dpybind11_DIR=$$($(BIN)/python -m pybind11 --cmakedir) >/dev/null
 	cmake --build build/python
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m cpp.tests.differential --frames 10000
