@@ -23,7 +23,7 @@ from tests.samples import plane, small_calibration
 from tests.soles import cell_patch, sole_patch
 from tests.vectors.make import noise_document, record, record_body, rest_counts, skin_of
 
-FRAMES = 40  # of one skin
+FRAMES = 100  # of one skin
 SUM = 1e-12  # [1] difference of sums, relative to the sum of the sizes of what they add
 LENGTH = 1e-8  # [m] distance of polygons: some steps of the grid on which hulls are exact
 EXACT = ("flags", "touched", "known", "stands", "active", "sure", "possible", "is_standing", "forces", "force_sigmas")
@@ -111,6 +111,8 @@ class Comparison:
             self.exact(name, a, b)
             return
         a, b = np.asarray(a), np.asarray(b)
+        if (a == b).all():
+            return
         with np.errstate(all="ignore"):
             difference = np.where(a == b, 0.0, np.abs(a - b) / scale)
         worst = float(np.max(difference, initial=0.0))
@@ -127,7 +129,7 @@ class Comparison:
             if a is None or b is None:
                 self.exact(name, a, b)
                 continue
-            self.counts[f"other corners of {name}"] += len(a) != len(b) or not np.array_equal(a, b)
+            self.counts[f"other corners of {name}"] += not np.array_equal(a, b)
             if (len(a) == 0) != (len(b) == 0):
                 thin = a if len(a) else b  # a polygon thinner than rounding may vanish
                 if area(thin) > LENGTH * np.ptp(thin, axis=0).max(initial=0.0):
@@ -135,7 +137,10 @@ class Comparison:
                 continue
             if not len(a):
                 continue
-            self.measures(a)
+            if self.rng.random() < 0.1:
+                self.measures(a)
+            if np.array_equal(a, b):
+                continue
             distance = max(distances(a, b), distances(b, a))
             perimeter = float(np.linalg.norm(a - np.roll(a, -1, axis=0), axis=1).sum())
             self.largest[f"{name} [m]"] = max(self.largest[f"{name} [m]"], distance)
