@@ -40,7 +40,9 @@ def main():
     if has_blender:
         print("Blender made the same file, byte for byte.")
     else:
-        print("In Blender: make extension, drag the zip in dist/ into its window, open sample_scenes/wrist.blend, Skin, Fit.")
+        print(
+            "In Blender: make extension, drag the zip in dist/ into it, open sample_scenes/wrist.blend, tab Skin, Fit."
+        )
 
 
 if __name__ == "__main__":

@@ -125,7 +125,9 @@ inline void add_patch(const Json& patch, std::size_t link_responses, Calibration
     for (const Json& x : list_of(taxels, "channel", n)) c.channels.push_back(whole(x, "channel"));
     for (const Json& p : list_of(taxels, "position", n)) c.positions.push_back(vector(p, "position"));
     for (const Json& p : list_of(taxels, "normal", n)) c.normals.push_back(unit_normal(vector(p, "normal")));
-    for (const Json& x : list_of(taxels, "area", n)) c.areas.push_back(number(x, "area"));
+    double area = 0;
+    for (const Json& x : list_of(taxels, "area", n)) c.areas.push_back(number(x, "area")), area += c.areas.back();
+    c.max_load += patch.contains("max_load") ? number(patch["max_load"], "max_load") : std::max(2e5 * area, 100.0);
     for (const Json& cell : list_of(taxels, "corners", n)) {
         c.corners.emplace_back();
         for (const Json& p : list(cell, "corners")) c.corners.back().push_back(vector(p, "corners"));
@@ -155,6 +157,7 @@ inline Calibration calibration_of(const Json& document) {
     if (document.contains("responses"))
         for (const Json& r : list(document["responses"], "responses")) c.responses.push_back(response_of(r));
     std::vector<std::vector<std::string>> near;
+    c.max_load = 0;
     for (const Json& patch : list_of(document, "patches")) add_patch(patch, c.responses.size() - 1, c, near);
     std::unordered_map<std::string, std::int32_t> row;
     for (std::size_t i = 0; i < c.ids.size(); ++i)

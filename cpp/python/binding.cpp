@@ -100,8 +100,9 @@ py::dict record(const Frame& frame) {
         contacts.append(contact);
     }
     result["contacts"] = contacts;
-    result["wrench"] = frame.is_known ? std::optional<Vec6>(frame.wrench) : std::nullopt;
-    result["load"] = frame.load;
+    const bool has_sums = frame.is_known && !frame.is_lost;
+    result["wrench"] = has_sums ? std::optional<Vec6>(frame.wrench) : std::nullopt;
+    result["load"] = has_sums ? std::optional<double>(frame.load) : std::nullopt;
     result["is_standing"] = frame.stands();
     result["wrench_sigma"] = frame.wrench_sigma;
     result["force_sigmas"] =

@@ -19,7 +19,6 @@ import numpy as np
 
 from benchmarks.cycle import PERIOD, PITCH, Scene, moving, ours, straightforward, with_noise
 from skin_calib_addon.calibration.file import to_document
-from tests.vectors.make import noise_document
 
 SHEETS = ((6, 7, 0.028, 1, 2.6), (6, 22, PITCH, 2, 2.6), (21, 60, PITCH, 3, 4.0), (100, 100, PITCH, 10, 5.0))
 
@@ -51,7 +50,7 @@ def cpp_times(program: Path, scene: Scene, frames: np.ndarray, count: int) -> li
         files = [Path(folder) / name for name in ("sole.calibration.json", "noise.json", "readings")]
         calibration = scene.calibration
         files[0].write_text(json.dumps(to_document(calibration)))
-        files[1].write_text(json.dumps(noise_document(scene.skin, calibration)))
+        scene.skin.save_noise(files[1])
         files[2].write_bytes(with_noise(frames).tobytes())
         out = subprocess.run([program, *files, str(count)], check=True, capture_output=True, text=True).stdout
     return [float(x) for x in out.split()[:3]]

@@ -13,6 +13,7 @@ import time
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from skin_calib_addon.calibration.file import to_document
 from skin_calib_addon.runtime import Body, Polygon, Skin
 from tests.samples import plane, small_calibration
 from tests.soles import cell_patch, sole_patch
-from tests.vectors.make import noise_document, record, record_body, rest_counts, skin_of
+from tests.vectors.make import record, record_body, rest_counts, skin_of
 
 FRAMES = 100  # of one skin
 SUM = 1e-12  # [1] difference of sums, relative to the sum of the sizes of what they add
@@ -279,14 +280,16 @@ class Pair:
             rows = np.maximum(rows, 0)
         if rng.random() < 0.3:
             rows[:, rng.integers(rows.shape[1])] = 7.0
-        self.python.tare(rows)
+        self.python.tare(rows, accept=True)
         self.python._rest = None
         noise = self.python.noise
         if noise is not None and noise.load_level < 1e-9 * np.abs(noise.free * noise.slopes).sum():
             self.python = skin_of(calibration, self.options)  # readings without noise: rounding decides what a load is
             self.python._rest = None
             return
-        self.noise = json.dumps(noise_document(self.python, calibration)).encode()
+        with TemporaryDirectory() as folder:
+            self.python.save_noise(Path(folder) / "noise.json")
+            self.noise = (Path(folder) / "noise.json").read_bytes()
 
     def cpp(self, module):
         """Return the skin in C++."""

@@ -9,15 +9,16 @@ faults are not in it, and the guaranteed polygon is that without faults.
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from skin_calib_addon.calibration import LinkCalibration, Response, ResponseTable
-from skin_calib_addon.calibration.file import load_calibration, save_calibration, to_document
+from skin_calib_addon.calibration.file import load_calibration, save_calibration
 from skin_calib_addon.runtime import Body, BodyFrame, Frame, Plane, Skin
+from skin_calib_addon.runtime.drift import Drift
 from skin_calib_addon.runtime.noise import Noise
 from tests.samples import plane, small_calibration
 from tests.soles import cell_patch, sole_patch
@@ -38,9 +39,20 @@ WATCHED = frozenset(
         "time_back",
         "time_jump",
         "dropped",
+        "lost",
+        "overload",
         "not_coplanar",
     )
 )
+
+
+class Unwatched(Drift):
+    """Drift and noise that nobody watches, as in the first stage of the C++ runtime."""
+
+    def add(self, noise: Noise, signed: np.ndarray, time: float) -> None:
+        """Forget the frame."""
+
+
 SMALL = (3, 4, 3, 4, 3)  # boards in the rows of a small sole
 RING = ((-1, -1), (1, -1), (1, 1), (-1, 1))  # corners of a square
 TABLE = ResponseTable((0.0, 100.0, 1000.0, 4095.0), (0.0, 1.0, 8.0, 40.0))
@@ -129,41 +141,11 @@ def skin_of(calibration: LinkCalibration, options: dict) -> Skin:
     options = dict(options)
     if "ground" in options:
         options["ground"] = Plane.through(options["ground"]["point"], options["ground"]["up"])
-    return Skin(calibration, **options, follow_drift=False)
-
-
-def noise_document(skin: Skin, calibration: LinkCalibration) -> dict:
-    """Return what a skin learned as the document of a noise file."""
-
-    def values(value):
-        value = np.asarray(value)
-        return [values(x) for x in value] if value.ndim else value.item() if np.isfinite(value) else None
-
-    readings, noise = skin._readings, skin.noise
-    return {
-        "format": "skin-noise",
-        "version": 1,
-        "link": skin.link,
-        "calibration": to_document(calibration)["checksum"],
-        "baseline": values(np.zeros(len(skin.ids)) if readings._shift is None else readings._shift),
-        "noise": None if noise is None else {f.name: values(getattr(noise, f.name)) for f in fields(noise)},
-    }
-
-
-def use_noise(skin: Skin, document: dict) -> None:
-    """Give a skin the noise of a document."""
-    infinite = {"clip": -np.inf}
-    arrays = {
-        name: np.array([infinite.get(name, np.inf) if x is None else x for x in value])
-        if isinstance(value, list)
-        else np.inf
-        if value is None
-        else value
-        for name, value in document["noise"].items()
-    }
-    skin._readings.noise, skin._readings._shift = Noise(**arrays), np.array(document["baseline"])
-    skin._readings._limit()
-    skin._rest = None
+    skin = Skin(calibration, **options, follow_drift=False)
+    skin._readings._new_drift = partial(Unwatched, skin.geometry.neighbours, False)
+    skin._readings.drift = skin._readings._new_drift()
+    skin._faults._stuck = lambda *_: np.zeros(len(skin.ids), bool)
+    return skin
 
 
 def rest_counts(skin: Skin) -> np.ndarray:
@@ -206,7 +188,7 @@ def readings_of(skin: Skin, case: Case, rng: np.random.Generator) -> Iterator[tu
 
 def record(frame: Frame) -> dict:
     """Return what both runtimes compute of a frame."""
-    sets, found = frame.sets, replace(frame, flags=frozenset())
+    sets, found = frame.sets, replace(frame, flags=frame.flags & {"overload"})
     polygon = found.polygon
     return {
         "flags": sorted(frame.flags & WATCHED),
@@ -231,8 +213,8 @@ def record(frame: Frame) -> dict:
             for c in frame.contacts
         ],
         "size": 0.0 if frame.pushes is None else float(np.abs(frame.pushes).sum()),  # [N] that rounding scales with
-        "wrench": None if sets is None else frame.wrench,
-        "load": frame.load,
+        "wrench": frame.wrench if frame.problem is None else None,
+        "load": frame.load if frame.problem is None else None,
         "is_standing": frame.stands,
         "cop": frame.cop,
         "zmp": frame.zmp,
@@ -257,7 +239,7 @@ def record_polygon(polygon) -> dict:
 
 def record_body(frame: BodyFrame) -> dict:
     """Return what both runtimes compute of the frame of a body."""
-    without = {name: replace(link, flags=frozenset()) for name, link in frame.links.items()}
+    without = {name: replace(link, flags=link.flags & {"overload"}) for name, link in frame.links.items()}
     found = replace(frame, links=without)
     return {
         "flags": sorted(f for f in frame.flags if f.partition(":")[2] in BODY_FLAGS or f in BODY_FLAGS),
@@ -295,12 +277,11 @@ def expanded(value) -> np.ndarray:
     return np.array([np.nan if x is None else float(x) for x in value])
 
 
-def tared(calibration: LinkCalibration, options: dict, sigma: float, rng: np.random.Generator) -> dict:
-    """Return the noise document of a skin after 250 frames without contact."""
-    skin = skin_of(calibration, options)
+def write_noise(skin: Skin, sigma: float, rng: np.random.Generator, path: Path) -> None:
+    """Write what a skin learns from 250 frames without contact."""
     rows = rest_counts(skin) + rng.normal(0, sigma, (250, skin.reading_length))
-    skin.tare(np.clip(np.rint(rows), 0, 4095).astype(np.uint16))
-    return noise_document(skin, calibration)
+    skin.tare(np.clip(np.rint(rows), 0, 4095).astype(np.uint16), accept=True)
+    skin.save_noise(path)
 
 
 def write_case(name: str, case: Case) -> None:
@@ -310,9 +291,7 @@ def write_case(name: str, case: Case) -> None:
     skin, noise = skin_of(calibration, case.options), None
     if case.sigma is not None:
         noise = f"{name}.noise.json"
-        document = tared(calibration, case.options, case.sigma, rng)
-        (FOLDER / noise).write_text(json.dumps(compact(document), indent=None) + "\n")
-        use_noise(skin, document)
+        write_noise(skin, case.sigma, rng, FOLDER / noise)
     frames = []
     for k, (time, readings) in enumerate(readings_of(skin, case, rng)):
         frame = {"time": time, "readings": readings}
@@ -338,9 +317,7 @@ def write_body() -> None:
     skins, links = {}, []
     for name, calibration in calibrations.items():
         skins[name] = skin_of(calibration, {})
-        document = tared(calibration, {}, 2.0, rng)
-        (FOLDER / f"body_{name}.noise.json").write_text(json.dumps(compact(document)) + "\n")
-        use_noise(skins[name], document)
+        write_noise(skins[name], 2.0, rng, FOLDER / f"body_{name}.noise.json")
         links.append(
             {"name": name, "calibration": f"{names[name]}.calibration.json", "noise": f"body_{name}.noise.json"}
         )

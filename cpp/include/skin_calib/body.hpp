@@ -103,7 +103,7 @@ private:
         const Flags problem = input.pose ? check(*input.pose) : flag::no_pose;
         const std::optional<bool> touched = frame.touched();
         frame_.link_flags[k] = frame.flags | problem;
-        frame_.lost[k] = !touched || (problem != 0 && *touched);
+        frame_.lost[k] = !frame.is_known || frame.is_lost || (problem != 0 && touched.value_or(false));
         if (problem != 0) return;
         frame_.links[k] = &frame;
         poses_[k] = *input.pose;
@@ -216,6 +216,15 @@ private:
                 }
                 const double fraction = foot.load / total, apart = (at[i] - (*point)[i]) * *foot.load_sigma / total;
                 variance[i] += square * fraction * fraction + apart * apart;
+            }
+        }
+        for (std::size_t k = 0; k < skins.size(); ++k) { // a foot that does not stand may carry what its noise hides
+            const Frame* foot = frame_.links[k];
+            if (!foot || !skins[k]->ground || frame_.standing[k] || !foot->load_sigma) continue;
+            const Vec2 at = on_ground(k, skins[k]->ground->middle);
+            for (std::size_t i = 0; i < 2; ++i) {
+                const double apart = (at[i] - (*point)[i]) * *foot->load_sigma / total;
+                variance[i] += apart * apart;
             }
         }
         return Vec2{std::sqrt(variance[0]), std::sqrt(variance[1])};

@@ -24,10 +24,12 @@ inline constexpr Flags no_reading = 1u << 12;   // of a body: this link has no r
 inline constexpr Flags no_pose = 1u << 13;      // of a body: this link has no finite pose
 inline constexpr Flags wrong_pose = 1u << 14;   // of a body: the pose of this link is no rigid motion
 inline constexpr Flags not_coplanar = 1u << 15; // of a body: feet stand at different heights, or tilted
-inline constexpr const char* names[] = {"wrong_length", "not_finite",    "too_large",  "blind",
-                                        "saturated",    "noise_unknown", "dead",       "time_not_finite",
-                                        "time_still",   "time_back",     "time_jump",  "dropped",
-                                        "no_reading",   "no_pose",       "wrong_pose", "not_coplanar"}; // of the bits
+inline constexpr Flags lost = 1u << 16;         // taxels without a valid reading may carry much of the load
+inline constexpr Flags overload = 1u << 17;     // the force is larger than is plausible: nothing is guaranteed
+inline constexpr const char* names[] = {"wrong_length",  "not_finite", "too_large",       "blind",      "saturated",
+                                        "noise_unknown", "dead",       "time_not_finite", "time_still", "time_back",
+                                        "time_jump",     "dropped",    "no_reading",      "no_pose",    "wrong_pose",
+                                        "not_coplanar",  "lost",       "overload"}; // of the bits
 } // namespace flag
 
 // Keep the time of the last frame, that of the last one with a valid reading, and the usual period between frames.

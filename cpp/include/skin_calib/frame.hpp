@@ -20,13 +20,14 @@ struct SupportingPolygon {
 };
 
 // Why a frame has no CoP.
-enum class Reason { none, not_known, no_ground, low_load, no_load };
+enum class Reason { none, not_known, lost, no_ground, low_load, no_load };
 
 // Return a reason as a sentence.
 inline const char* text(Reason reason) noexcept {
     switch (reason) {
     case Reason::none: return "there is a CoP";
     case Reason::not_known: return "no taxel has a valid reading";
+    case Reason::lost: return "taxels without a valid reading may carry much of the load, or have had none yet";
     case Reason::no_ground: return "the skin is not flat and has no ground; pass one in the options";
     case Reason::low_load: return "the load is below the 5 N that a CoP needs";
     case Reason::no_load: return "no load differs from the noise";
@@ -45,10 +46,12 @@ struct Frame {
     Numbers forces;        // (n,) on each taxel [N]; 0 if it is unknown
     Booleans known;        // (n,) whether the taxel has a valid force
     Booleans saturated;    // (n,) whether the force may be larger
+    Numbers lost;          // (n,) what a taxel without a valid force may carry [N]; it is in the deviations
+    bool is_lost = false;  // whether that is so much that wrench and points are not known
     Touched sets;          // which taxels are touched, surely and possibly, and their weights in the sums
     Rows rows;             // (a,) active taxels, sorted by contact
     std::vector<Contact> contacts;
-    Vec6 wrench{};                    // about the origin of the link [N, N m]; NaN if it is unknown
+    Vec6 wrench{};                    // about the origin of the link [N, N m]; NaN if it is unknown or much is lost
     std::optional<Vec6> wrench_sigma; // standard deviations; all deviations are missing if the noise is unknown
     Numbers force_sigmas;             // (n,) [N]; infinite where it is unknown; empty if the noise is unknown
     double load = 0;                  // vertical force of the ground [N]
@@ -62,7 +65,8 @@ struct Frame {
 
     // Return whether there is a contact or a load; nothing if that is unknown, which is not the same as no contact.
     std::optional<bool> touched() const noexcept {
-        return is_known ? std::optional<bool>(!contacts.empty() || sets.stands.value_or(false)) : std::nullopt;
+        if (is_known && (!contacts.empty() || sets.stands.value_or(false))) return true;
+        return is_known && !is_lost ? std::optional<bool>(false) : std::nullopt;
     }
 
     // Return whether the link stands on its ground: it has a load that is not noise.

@@ -69,6 +69,7 @@ struct SkinGeometry {
     Rows neighbours,
         first; // neighbours of taxel i are in [first[i], first[i + 1]): the higher rows, then the lower ones
     std::size_t most_neighbours = 0;
+    Vec6 mean_wrench{};           // of 1 N on all taxels
     std::vector<LinkTerms> terms; // of a force of 1 N: 1, position, height of the tangent plane, wrench about the link
 
     SkinGeometry() = default;
@@ -86,6 +87,7 @@ struct SkinGeometry {
             most_neighbours = std::max(most_neighbours, higher[i].size() + lower[i].size());
             const Vec3 &p = c.positions[i], f = plus({0, 0, 0}, c.normals[i], -1), m = cross(p, f);
             terms.push_back({1, p[0], p[1], p[2], dot(c.normals[i], p), f[0], f[1], f[2], m[0], m[1], m[2]});
+            for (std::size_t k = 0; k < 6; ++k) mean_wrench[k] += terms.back()[5 + k] / static_cast<double>(n);
         }
         first.push_back(static_cast<std::int32_t>(neighbours.size()));
     }
@@ -119,9 +121,13 @@ struct Terms {
     // Compute the products, which covariances of sums need.
     void multiply() {
         products.clear();
-        for (const Sums& t : rows)
-            products.push_back({t[6] * t[6], t[7] * t[7], t[8] * t[8], t[7] * t[6], t[8] * t[6], t[9] * t[9],
-                                t[10] * t[10], t[11] * t[11], t[10] * t[9], t[11] * t[9]});
+        for (const Sums& t : rows) products.push_back(products_of(t));
+    }
+
+    // Return the products of sums of the ground.
+    static Products products_of(const Sums& t) noexcept {
+        return {t[6] * t[6], t[7] * t[7],   t[8] * t[8],   t[7] * t[6],  t[8] * t[6],
+                t[9] * t[9], t[10] * t[10], t[11] * t[11], t[10] * t[9], t[11] * t[9]};
     }
 };
 
@@ -131,6 +137,7 @@ struct GroundGeometry {
     Booleans can_stand; // whether a taxel looks down
     std::size_t standing_count = 0;
     std::vector<Vec2> centres; // of the cells [m]
+    Vec2 middle{};             // mean of the centres of those that can stand
     // Moments of the pressure gradient in the cells that `plain` leaves out, per force: lift x, lift y; about the link
     // [m]
     std::vector<std::array<double, 8>> gradient;
@@ -170,7 +177,9 @@ struct GroundGeometry {
             std::copy(std::begin(own), std::end(own), row.begin() + 6);
             plain.rows.push_back(row);
             standing_count += can_stand[i];
+            for (std::size_t k = 0; k < 2; ++k) middle[k] += can_stand[i] ? centres[i][k] : 0.0;
         }
+        for (double& x : middle) x /= static_cast<double>(std::max<std::size_t>(standing_count, 1));
         centre_hull = HullTable(centres, 1);
         sure_hull = HullTable(centres, 1);
         corner_hull = HullTable(all_corners, each);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "frame.hpp"
+#include "lost.hpp"
 #include "responses.hpp"
 
 namespace skin_calib {
@@ -50,6 +51,7 @@ public:
         if (options.creep) creep_.emplace().start(n, (*options.creep)[0], (*options.creep)[1]);
         toucher_.start(geometry, noise_ ? &*noise_ : nullptr, on, off, is_stated);
         finder_.start(geometry);
+        lost_.start(geometry);
         is_stated_ = is_stated;
         length_ = 0;
         most_.clear();
@@ -117,6 +119,7 @@ private:
         frame_.sets.resize(size());
         standing_.resize(size());
         if (noise_) frame_.force_sigmas.assign(size(), infinity);
+        frame_.lost.assign(size(), 0.0);
         frame_.rows.reserve(size());
         frame_.contacts.reserve(size());
         if (!ground) return;
@@ -160,14 +163,26 @@ private:
         if (!clock_.has_past(time)) {
             toucher_.forget();
             finder_.forget();
+            lost_.forget();
         }
         const bool is_new = raw_ != last_;
         toucher_.decide(signed_, frame_.forces, frame_.known, is_complete, is_new, frame_.sets);
         if (!noise_ && !is_stated_) flags |= flag::noise_unknown;
+        double total = 0;
+        for (double push : frame_.sets.pushes) total += push;
+        if (total > geometry.calibration.max_load) flags |= flag::overload;
         if (has_dead) flags |= flag::dead;
         frame_.time = time, frame_.flags = flags, frame_.is_known = true;
         const Terms& terms = ground && ground->is_full(frame_.sets.active) ? ground->full_contact : *terms_;
         finder_.find(frame_.sets.active, frame_.forces, terms.link, frame_.rows, frame_.contacts);
+        frame_.is_lost = false;
+        if (is_complete) {
+            lost_.clear();
+        } else if (lost_.look(frame_.sets.pushes, frame_.known, [this](std::size_t i) { return is_valid(i); })) {
+            frame_.is_lost = true, frame_.flags |= flag::lost;
+        }
+        lost_.accept(frame_.sets.pushes, frame_.known);
+        std::copy(lost_.bounds.begin(), lost_.bounds.end(), frame_.lost.begin());
         add_up(terms);
         if (noise_) deviate(terms, is_complete);
         if (ground) support();
@@ -184,11 +199,14 @@ private:
             const double push = frame_.sets.pushes[i];
             for (std::size_t k = 0; k < sums_.size(); ++k) sums_[k] += push * terms.rows[i][k];
         }
+        if (frame_.is_lost) sums_.fill(not_a_number);
         std::copy(sums_.begin(), sums_.begin() + 6, frame_.wrench.begin());
         frame_.load = sums_[6];
         frame_.cop = frame_.zmp = frame_.cop_sigma = frame_.zmp_sigma = std::nullopt;
         const std::optional<bool>& stands = frame_.sets.stands;
-        if (!ground)
+        if (frame_.is_lost)
+            frame_.reason = Reason::lost;
+        else if (!ground)
             frame_.reason = Reason::no_ground;
         else if (stands)
             frame_.reason = *stands && sums_[6] > 0 ? Reason::none : Reason::no_load;
@@ -210,12 +228,10 @@ private:
             frame_.force_sigmas[i] = frame_.known[i] ? sigma : infinity;
             const double weighted = frame_.sets.weights[i] * sigma;
             const double left_out = (1 - frame_.sets.weights[i]) * frame_.forces[i];
-            variances_[i] = weighted * weighted + left_out * left_out;
-            const double around = !frame_.known[i] || pushes[i] > 0 ? geometry.mean_around(pushes, i) : 0.0;
-            if (!is_complete && !frame_.known[i])
-                variances_[i] = around * around; // it may carry what its neighbours do
+            variances_[i] = (frame_.known[i] ? weighted * weighted : 0.0) + left_out * left_out;
+            variances_[i] += frame_.lost[i] * frame_.lost[i];
             if (pushes[i] > 0) {
-                const double uneven = std::max(pushes[i] - around, 0.0);
+                const double uneven = std::max(pushes[i] - geometry.mean_around(pushes, i), 0.0);
                 placed += uneven * uneven * geometry.calibration.areas[i];
             }
         }
@@ -224,9 +240,13 @@ private:
         Vec6 squares{};
         std::array<double, 8> gradient{}; // moments in the cells that the sums leave out
         Terms::Products c{};              // covariances of the sums
+        Vec6 lost{};                      // wrench of all that is lost
+        Terms::Sums lost_sums{};
         const bool has_gradient = ground && !terms.has_moments;
         for (std::size_t i = 0; i < size(); ++i) {
-            const double v = variances_[i];
+            const double v = variances_[i], bound = frame_.lost[i];
+            for (std::size_t k = 0; k < 6 && !is_complete; ++k) lost[k] += geometry.terms[i][5 + k] * bound;
+            for (std::size_t k = 6; k < 12 && ground && !is_complete; ++k) lost_sums[k] += terms.rows[i][k] * bound;
             for (std::size_t k = 0; k < 6; ++k) squares[k] += squares_[i][k] * v;
             if (!ground) continue;
             for (std::size_t k = 0; k < c.size(); ++k) c[k] += terms.products[i][k] * v;
@@ -234,12 +254,19 @@ private:
             for (std::size_t k = 0; k < gradient.size(); ++k) gradient[k] += ground->gradient[i][k] * pushes[i];
         }
         const double factor = noise_->common * noise_->common;
-        for (std::size_t k = 0; k < 6; ++k)
-            squares[k] = std::sqrt(squares[k] * factor + (k < 3 ? 0.0 : placed) + gradient[2 + k] * gradient[2 + k]);
+        const double hidden = frame_.sets.stands.value_or(true)
+                                  ? 0.0
+                                  : std::hypot(std::max(frame_.sets.excess, 0.0), noise_->load_limit / 7);
+        for (std::size_t k = 0; k < 6; ++k) {
+            const double by_load = hidden * geometry.mean_wrench[k];
+            squares[k] = std::sqrt(squares[k] * factor + (k < 3 ? 0.0 : placed) + lost[k] * lost[k] +
+                                   by_load * by_load + gradient[2 + k] * gradient[2 + k]);
+        }
         frame_.wrench_sigma = squares;
         if (!ground) return;
-        for (double& x : c) x *= factor;
-        frame_.load_sigma = std::sqrt(c[0]);
+        const Terms::Products of_lost = Terms::products_of(lost_sums);
+        for (std::size_t k = 0; k < c.size(); ++k) c[k] = c[k] * factor + of_lost[k];
+        frame_.load_sigma = std::hypot(std::sqrt(c[0]), hidden);
         const auto deviation = [&](double x, double load, double of_load, double of_moment, double mixed, double g) {
             const double noise = std::max(of_moment - 2 * x * mixed + x * x * of_load, 0.0);
             return std::sqrt(noise + placed + g * g) / load;
@@ -258,8 +285,8 @@ private:
         for (std::size_t i = 0; i < size(); ++i) {
             const bool can_stand = ground->can_stand[i];
             standing_.possible[i] = can_stand && sets.possible[i];
-            standing_.sure[i] = can_stand && sets.sure[i];
-            standing_.active[i] = can_stand && (sets.active[i] || sets.sure[i]);
+            standing_.sure[i] = can_stand && sets.sure[i] && !frame_.has(flag::overload);
+            standing_.active[i] = can_stand && (sets.active[i] || standing_.sure[i]);
         }
         SupportingPolygon& polygon = frame_.polygon;
         if (ground->corner_hull.choose(standing_.possible)) polygon.outer = ground->corner_hull.hull;
@@ -268,7 +295,7 @@ private:
             ground->erosion.erode(ground->sure_hull.hull);
             polygon.guaranteed = ground->erosion.result;
         }
-        const bool is_probable = sets.has_sure && sets.stands;
+        const bool is_probable = sets.has_sure && sets.stands && !frame_.has(flag::overload);
         polygon.outer_probability = is_probable ? std::optional<double>(outer_probability) : std::nullopt;
         polygon.guaranteed_probability = is_probable ? std::optional<double>(guaranteed_probability) : std::nullopt;
     }
@@ -292,7 +319,9 @@ private:
             std::fill(list->begin(), list->end(), 0);
         for (auto* list : {&frame_.sets.weights, &frame_.sets.pushes}) std::fill(list->begin(), list->end(), 0.0);
         std::fill(frame_.force_sigmas.begin(), frame_.force_sigmas.end(), infinity);
-        frame_.time = time, frame_.flags = flags, frame_.is_known = false, frame_.load = 0;
+        frame_.time = time, frame_.flags = flags, frame_.is_known = frame_.is_lost = false;
+        frame_.load = not_a_number;
+        std::fill(frame_.lost.begin(), frame_.lost.end(), 0.0);
         frame_.sets.has_sure = false, frame_.sets.stands = std::nullopt;
         frame_.rows.clear(), frame_.contacts.clear();
         frame_.wrench.fill(not_a_number);
@@ -309,6 +338,7 @@ private:
     std::optional<Creep> creep_;
     Toucher toucher_;
     ContactFinder finder_;
+    Lost lost_;
     Clock clock_;
     Terms no_ground_;
     std::vector<Vec6> squares_;    // (n,) of the wrenches of 1 N

@@ -12,6 +12,7 @@ struct Touched {
     Booleans possible;          // (n,) whether it is possibly touched
     Numbers weights, pushes;    // (n,) of its force in the sums; its part of the sums [N]
     bool has_sure = false;      // whether something can be sure: otherwise noise and thresholds are unknown
+    double excess = 0;          // sum of all taxels above that at rest [N]; 0 without noise
     std::optional<bool> stands; // whether there is a load; nothing if sums of the noise are unknown: then 5 N decide
 
     void resize(std::size_t n) {
@@ -27,9 +28,9 @@ public:
     void start(const SkinGeometry& skin, const Noise* noise, double switch_on, double switch_off, bool is_stated) {
         const std::size_t n = skin.n;
         skin_ = &skin, noise_ = is_stated ? nullptr : noise, is_stated_ = is_stated, on_ = switch_on, off_ = switch_off;
-        for (auto* list : {&before_, &sure_, &pair_, &release_, &possible_, &starts_}) list->assign(n, 0);
+        for (auto* list : {&before_, &sure_, &pair_, &release_, &possible_, &starts_, &lasting_}) list->assign(n, 0);
         for (auto& list : above_) list.assign(n, 0);
-        signed_.assign(n, 0.0);
+        signed_.assign(n, 0.0), deviations_.assign(n, 0.0);
         scale_.clear(), offset_.clear(), offsets_.clear(), total_ = 0;
         for (std::size_t i = 0; noise_ && i < n; ++i) {
             const double scale = 1 / (noise_->sigma[i] * (weight_full - weight_start));
@@ -77,6 +78,7 @@ private:
         }
         sets.has_sure = is_stated_;
         sets.stands = std::nullopt;
+        sets.excess = 0;
     }
 
     void by_noise(const Numbers& given, const Numbers& forces, const Booleans& known, bool is_complete, bool is_new,
@@ -95,7 +97,7 @@ private:
             pair_[i] = has_force && x > noise.pair[i];
             release_[i] = has_force && x > noise.release[i];
             possible_[i] = x > noise.possible[i];
-            if (is_new) above_[0][i] = has_force && x > noise.lasting[i];
+            lasting_[i] = has_force && x > noise.lasting[i];
             excess += x * noise.slopes[i];
         }
         excess -= noise.free_sum;
@@ -104,6 +106,13 @@ private:
             starts_[i] = sure_[i] || (pair_[i] && has_neighbour_in_pair(i));
             has_load = has_load || starts_[i];
         }
+        const double common = has_load ? common_deviation(given, known, is_complete) : 0.0;
+        for (std::size_t i = 0; common > 0 && i < n; ++i) {
+            const double lower = given[i] - common * noise.sigma[i];
+            sure_[i] = sure_[i] && lower > noise.sure[i];
+            lasting_[i] = lasting_[i] && lower > noise.lasting[i];
+        }
+        if (is_new) std::copy(lasting_.begin(), lasting_.end(), above_[0].begin());
         for (std::size_t i = 0; i < n; ++i) {
             before_[i] = starts_[i] || (before_[i] && ((has_load && release_[i]) || !known[i]));
             sets.active[i] = before_[i] && known[i];
@@ -113,6 +122,7 @@ private:
         }
         sets.has_sure = true;
         sets.stands = has_load;
+        sets.excess = excess;
         if (has_load) {
             weigh(forces, excess, sets);
         } else {
@@ -121,6 +131,28 @@ private:
         }
         for (std::size_t i = 0; !is_complete && i < n; ++i)
             if (!known[i]) sets.pushes[i] = 0.0;
+    }
+
+    // Return how far a drift may have raised all readings [standard deviations]: as the lowest quarter of the known
+    // ones.
+    double common_deviation(const Numbers& given, const Booleans& known, bool is_complete) noexcept {
+        const double quarter = -0.6744897501960818, max_drift = 0.3, max_common = 5.0; // see runtime/noise.py
+        const Noise& noise = *noise_;
+        const double rest = quarter + max_drift;
+        std::size_t total = 0, low = 0, high = 0;
+        for (std::size_t i = 0; i < skin_->n; ++i) {
+            if (!is_complete && !known[i]) continue;
+            const double from = noise.mean[i] + rest * noise.sigma[i];
+            low += given[i] <= std::max(from, noise.clip[i]);
+            high += given[i] <= from + max_common * noise.sigma[i];
+            deviations_[total++] = given[i] * (1 / noise.sigma[i]) + (-noise.mean[i] / noise.sigma[i] - rest);
+        }
+        const std::size_t count = std::max<std::size_t>(total / 4, 1);
+        if (low >= count) return 0.0;
+        if (high < count) return max_common;
+        const auto begin = deviations_.begin(), at = begin + static_cast<std::ptrdiff_t>(count - 1);
+        std::nth_element(begin, at, begin + static_cast<std::ptrdiff_t>(total));
+        return std::min(std::max(*at, 0.0), max_common);
     }
 
     bool has_neighbour_in_pair(std::size_t i) const noexcept {
@@ -160,9 +192,9 @@ private:
     const Noise* noise_ = nullptr;
     bool is_stated_ = false;
     double on_ = 0.2, off_ = 0.1, total_ = 0;
-    Booleans before_, sure_, pair_, release_, possible_, starts_;
+    Booleans before_, sure_, pair_, release_, possible_, starts_, lasting_;
     std::array<Booleans, 3> above_; // which taxels exceeded `lasting` in the last new frames
-    Numbers signed_, scale_, offset_, offsets_;
+    Numbers signed_, deviations_, scale_, offset_, offsets_;
 };
 
 } // namespace skin_calib

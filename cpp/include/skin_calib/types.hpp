@@ -137,7 +137,8 @@ struct Calibration {
     std::vector<std::vector<Vec3>> corners;         // of the cells [m]
     std::vector<std::array<std::int32_t, 2>> pairs; // rows of neighbours, the lower row first
     std::vector<Response> responses;
-    Rows response; // index of the response of each taxel
+    Rows response;              // index of the response of each taxel
+    double max_load = infinity; // largest plausible force on all of them [N]
 };
 
 // What `tare` learnt: baseline, noise of each taxel at rest, and the levels of signed readings that follow from it.
@@ -178,6 +179,7 @@ inline Status check(const Calibration& c) {
         return Status::error("taxel " + std::to_string(i) + " ('" + c.ids[i].substr(0, 80) + "'): " + what);
     };
     if (n == 0 || n > 1000000) return Status::error("a skin must have 1 to 1000000 taxels, not " + std::to_string(n));
+    if (!(c.max_load > 0)) return Status::error("the largest load must be positive");
     if (c.channels.size() != n || c.positions.size() != n || c.normals.size() != n || c.areas.size() != n ||
         c.corners.size() != n || c.response.size() != n)
         return Status::error("the arrays of the taxels have different lengths");

@@ -8,7 +8,7 @@ import pytest
 
 from skin_calib_addon.calibration.file import load_calibration
 from skin_calib_addon.runtime import Body, Polygon
-from tests.vectors.make import FOLDER, compact, expanded, record, record_body, skin_of, use_noise
+from tests.vectors.make import FOLDER, compact, expanded, record, record_body, skin_of
 
 CASES = sorted(path.name.removesuffix(".case.json") for path in FOLDER.glob("*.case.json"))
 
@@ -17,7 +17,7 @@ def started(link):
     """Return the skin of a case or of a link of a case."""
     skin = skin_of(load_calibration(FOLDER / link["calibration"]), link.get("options", {}))
     if link["noise"]:
-        use_noise(skin, json.loads((FOLDER / link["noise"]).read_text()))
+        skin.load_noise(FOLDER / link["noise"])
     return skin
 
 
