@@ -78,7 +78,7 @@ class Drift:
         self._start, self._count, self._is_mixed = math.inf, 0, False
         self._lowest, self._highest = math.inf, 0.0  # deviation that all taxels have in common
         self._next = -math.inf  # time of the next frame that counts [s]
-        self._sum, self._squares = np.zeros(0), np.zeros(0)
+        self._sum, self._squares, self._peak = np.zeros(0), np.zeros(0), np.zeros(0)
 
     def corrected(self, intensities: Array) -> Array:
         """Return readings (..., n) without the drift."""
@@ -125,9 +125,10 @@ class Drift:
         with np.errstate(over="ignore", invalid="ignore"):  # wrong readings may be as large as a number can be
             change = signed - noise.free
             if self._count == 0:
-                self._start, self._sum, self._squares = time, change, change * change
+                self._start, self._sum, self._squares, self._peak = time, change.copy(), change * change, change
             else:
                 self._sum += change
+                np.maximum(self._peak, change, out=self._peak)
                 change *= change
                 self._squares += change
             self._count += 1
@@ -139,8 +140,8 @@ class Drift:
         """Look at the free taxels of the block that ends at a time [s], and move their baseline."""
         change = self._sum / self._count
         variance = (self._squares - self._sum * change) / ((self._count - 1) * noise.sigma**2)
-        if self.offset is not None:
-            change -= self.offset * noise.sign
+        offset = 0.0 if self.offset is None else self.offset * noise.sign
+        change -= offset
         deviation = change / noise.sigma
         valid = np.isfinite(deviation)
         if not np.count_nonzero(variance > NO_VARIANCE):  # no reading, or a frozen bus
@@ -160,9 +161,9 @@ class Drift:
             self.noisy = any_of(self._variance > MAX_VARIANCE)
             changes = (noise.repeats < SILENT_READINGS) & np.isneginf(noise.clip)
             self._silent = any_of(changes & (self._variance < MIN_VARIANCE))
-        is_loaded = (change > noise.sure - noise.free).any() or change[valid] @ noise.slopes[valid] > noise.load_level
-        if self._is_followed and not is_loaded:
-            self._follow(np.where(free & (variance < MAX_BLOCK_VARIANCE), change, 0.0) * noise.sign, time)
+        is_loaded = change[valid] @ noise.slopes[valid] > noise.load_level
+        if self._is_followed and not is_loaded and not (self._peak > noise.sure - noise.free + offset).any():
+            self._follow(np.where(free, change, 0.0) * noise.sign, time)
 
     def _judge(self, mean: float, sigma: float) -> None:
         """Count the blocks with a mean of free taxels that is not that at rest, as its standard deviation shows."""
