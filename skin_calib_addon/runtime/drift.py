@@ -42,8 +42,8 @@ MAX_BLOCK_VARIANCE = 8.0
 VARIANCE_BLOCKS = 10
 # [readings] Number of equal ones until then, at 50 per second. Derived: from VARIANCE_BLOCKS and BLOCK_TIME.
 SILENT_READINGS = -math.log(MIN_VARIANCE) * VARIANCE_BLOCKS * BLOCK_TIME / MAX_READING_PERIOD
-# [taxels] Number of surely touched ones down to which there is a contact; it begins with a quarter of all. Larger: the
-# end of small contacts is not seen; smaller: noise counts as contact.
+# [taxels] Number of surely touched ones that are a contact, if they are so in two frames in a row, or a quarter of all.
+# Larger: small contacts do not end the report of a drift; smaller: noise does.
 MIN_TOUCHED = 3
 # [1] Variance of a block in which nothing changes. Derived: from double precision.
 NO_VARIANCE = 1e-6
@@ -69,7 +69,8 @@ class Drift:
         self._moved = math.nan  # time at which the baseline last moved [s]
         self._off = 0  # number of blocks with a drift since the last one without
         self._is_reported = self._is_positive = False
-        self._is_touched = False  # whether something was surely touched in the last frame
+        self._sure: BoolArray | None = None  # surely touched taxels (n,) of the last frame
+        self._is_touched = False  # whether there was a contact in it
         self._variance = np.ones(neighbours.shape[1])  # filtered, relative to that at rest
         self.drop_block()
 
@@ -90,9 +91,12 @@ class Drift:
         A contact that begins or ends also ends the report of a drift. It is there again after a block with a drift. A
         positive drift that makes no load is harmless.
         """
-        count = 0 if sets.sure is None or sets.stands is False else np.count_nonzero(sets.sure)
-        enough = MIN_TOUCHED if self._is_touched else max(len(stuck) // 4, MIN_TOUCHED)
-        if (count >= enough) != self._is_touched:
+        sure, before, self._sure = sets.sure, self._sure, sets.sure
+        count = 0 if sure is None or sets.stands is False else np.count_nonzero(sure)
+        is_touched = count >= MIN_TOUCHED and (self._is_touched or 4 * count >= len(stuck))
+        if count >= MIN_TOUCHED and not is_touched and sure is not None and before is not None:
+            is_touched = np.count_nonzero(sure & before) >= MIN_TOUCHED
+        if is_touched != self._is_touched:
             self._is_touched, self._is_mixed = not self._is_touched, True
             self._hide()
         self._lowest, self._highest = min(self._lowest, sets.common), max(self._highest, sets.common)
