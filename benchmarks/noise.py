@@ -1,16 +1,18 @@
 """Which statements of the runtime hold for noisy readings: polygons, CoP, ZMP, feet in the air.
 
     python benchmarks/noise.py [--frames N] [--seed N] [--rest tare|frames] [--kind normal|heavy|correlated|common]
-        [--period S] [--light N] [--drift SIGMAS]
+        [--period S] [--light N] [--drift SIGMAS] [--lost TAXELS]
 
 The scenes are those of ``winkler.py``, and the recorded soles of an independent simulator where they are present. Their
 forces become readings with 12 or 8 bits on 800 N, with normal noise that the converter clips at zero. The skin has its
 default settings and one second of rest, and before each scene carries a light even load for a second. In the second
-half of each scene all taxels drift by some standard deviations. The period is that of the scene: the recorded ones have
-25 frames per second. For each scene the table has the fraction of frames in which
+half of each scene all taxels drift by some standard deviations, and some taxels at the tip have no reading. The period
+is that of the scene: the recorded ones have 25 frames per second. For each scene the table has the fraction of frames
+in which
 
 - the guaranteed polygon is inside the true contact, and is not empty;
 - the first half, and the second half, has the flag ``drift``;
+- there is a CoP;
 - the outer polygon contains every taxel with more than the detection limit that the skin states;
 
 the mean distance of the CoP from the true one, and the fractions of errors of load, CoP and moments within one and two
@@ -108,8 +110,9 @@ def recorded(name: str) -> Scene:
     return Scene(name, 0.04 * np.arange(len(hulls)), data["taxel_fn"], hulls, data["cop_sole"])
 
 
-def judge(skin: Skin, sensor: Sensor, scene: Scene, rng: np.random.Generator, light: float, drift: float) -> dict:
-    """Return the fractions and the errors of a scene after a light load [N], with a drift [standard deviations]."""
+def judge(skin: Skin, sensor: Sensor, scene: Scene, rng: np.random.Generator, options: argparse.Namespace) -> dict:
+    """Return the fractions and the errors of a scene with what the options say."""
+    light, drift, lost = options.light, options.drift, np.argsort(-skin.positions[:, 0])[: options.lost]
     period, limit = scene.times[1] - scene.times[0], skin.noise.detection_limits
     before = round(1 / period) if light else 0
     for k, reading in enumerate(sensor.read(np.full((before, len(limit)), light / len(limit)), rng)):
@@ -117,7 +120,9 @@ def judge(skin: Skin, sensor: Sensor, scene: Scene, rng: np.random.Generator, li
     late = np.arange(len(scene.times)) >= len(scene.times) // 2
     flags, inside, filled, holds, overshoot, errors = [], [], [], [], [], []
     ratios: dict[str, list[float]] = {"load": [], "CoP": [], "moment": []}
-    for k, reading in enumerate(sensor.read(scene.forces + drift * sensor.sigma * late[:, None], rng)):
+    readings = sensor.read(scene.forces + drift * sensor.sigma * late[:, None], rng).astype(float)
+    readings[np.ix_(late, lost)] = np.nan
+    for k, reading in enumerate(readings):
         frame = skin.update(reading, 10 + scene.times[k])
         flags.append("drift" in frame.flags)
         true, polygon = convex_hull(scene.hulls[k]), frame.polygon
@@ -135,6 +140,7 @@ def judge(skin: Skin, sensor: Sensor, scene: Scene, rng: np.random.Generator, li
     return {
         "inside": np.mean(inside),
         "filled": np.mean(filled),
+        "stands": len(errors) / len(flags),
         "drift": "/".join(f"{np.mean(np.array(flags)[part]):.0%}"[:-1] for part in (~late, late)),
         "holds": np.mean(holds),
         "too far": 1e3 * np.mean(overshoot),
@@ -189,12 +195,13 @@ def table(sensor: Sensor, scenes: list[Scene], feet: tuple[Scene, Scene], option
         f"{sensor.bits} bits, {sensor.noise:g} counts, {sensor.kind}, rest by {how}: detection limit"
         f" {np.median(limit):.2f} N of a taxel ({np.median(limit) / sensor.sigma:.1f} sigma), {whole:.1f} N of the sole"
     )
-    names = "inside", "filled", "drift", "outer", "too far", "CoP mm", "load", "CoP", "moment"
-    yield f"  {'scene':12}" + "".join(f" {name:>{width}}" for name, width in zip(names, (7, 7, 7, 7, 8, 7, 7, 7, 7)))
+    names = "inside", "filled", "drift", "stands", "outer", "too far", "CoP mm", "load", "CoP", "moment"
+    yield f"  {'scene':12}" + "".join(f" {name:>{width}}" for name, width in zip(names, (7, 7, 7, 7, 7, 8, 7, 7, 7, 7)))
     for scene in scenes:
-        row = judge(rested(sensor, how, rng), sensor, scene, rng, options.light, options.drift)
+        row = judge(rested(sensor, how, rng), sensor, scene, rng, options)
         yield (
-            f"  {scene.name:12} {row['inside']:7.2%} {row['filled']:7.1%} {row['drift']:>7} {row['holds']:7.2%}"
+            f"  {scene.name:12} {row['inside']:7.2%} {row['filled']:7.1%} {row['drift']:>7}"
+            f" {row['stands']:7.1%} {row['holds']:7.2%}"
             f" {row['too far']:8.1f} {row['mm']:7.2f} {row['load']:>7} {row['CoP']:>7} {row['moment']:>7}"
         )
     stands, ghosts = in_the_air(skin, sensor, rng)
@@ -209,6 +216,7 @@ def main() -> None:
     parser.add_argument("--period", type=float, default=winkler.PERIOD, help="between frames [s]")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--light", type=float, default=0.0, help="load before each scene [N]")
+    parser.add_argument("--lost", type=int, default=0, help="taxels without a reading in the second half")
     parser.add_argument("--drift", type=float, default=0.0, help="in the second half [standard deviations]")
     parser.add_argument("--rest", choices=("tare", "frames"), default="tare")
     parser.add_argument("--kind", choices=tuple(NOISES), default="normal")

@@ -104,7 +104,8 @@ class Frame:
         else:
             sure = sure & standing
             nominal |= sure
-        return supporting_polygon(ground, sets.possible & standing, nominal, sure, probabilities)
+        possible = sets.possible if self.problem is None else sets.possible | ~self.known  # all that is lost may press
+        return supporting_polygon(ground, possible & standing, nominal, sure, probabilities)
 
     @cached_property
     def _is_complete(self) -> bool:

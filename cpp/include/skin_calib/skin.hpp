@@ -284,7 +284,8 @@ private:
         const Touched& sets = frame_.sets;
         for (std::size_t i = 0; i < size(); ++i) {
             const bool can_stand = ground->can_stand[i];
-            standing_.possible[i] = can_stand && sets.possible[i];
+            const bool may_press = sets.possible[i] || (frame_.is_lost && !frame_.known[i]); // all that is lost
+            standing_.possible[i] = can_stand && may_press;
             standing_.sure[i] = can_stand && sets.sure[i] && !frame_.has(flag::overload);
             standing_.active[i] = can_stand && (sets.active[i] || standing_.sure[i]);
         }
