@@ -90,6 +90,13 @@ class Drift:
 
         A contact that begins or ends also ends the report of a drift. It is there again after a block with a drift. A
         positive drift that makes no load is harmless.
+
+        Parameters
+        ----------
+        sets : Touched
+            Of the frame.
+        stuck : array of bool, shape (n,)
+            Whether the reading of an active taxel has not changed for too long.
         """
         sure, before, self._sure = sets.sure, self._sure, sets.sure
         count = 0 if sure is None or sets.stands is False else np.count_nonzero(sure)

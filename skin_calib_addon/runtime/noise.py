@@ -199,7 +199,14 @@ class Noise:
     def common_deviation(self, signed: Array, known: BoolArray | None) -> float:
         """Return how far a drift may have raised all readings (n,), at most :data:`MAX_COMMON` [standard deviations].
 
-        A contact raises some of them further: the lowest quarter of those that are known (None: all) is a limit.
+        A contact raises some of them further: the lowest quarter is a limit.
+
+        Parameters
+        ----------
+        signed : array, shape (n,)
+            Signed readings.
+        known : array of bool, shape (n,)
+            Which of them count; None: all.
         """
         low, high, scale, offset = self._common_levels
         if known is not None:
