@@ -220,7 +220,7 @@ private:
         }
         for (std::size_t k = 0; k < skins.size(); ++k) { // a foot that does not stand may carry what its noise hides
             const Frame* foot = frame_.links[k];
-            if (!foot || !skins[k]->ground || frame_.standing[k] || !foot->load_sigma) continue;
+            if (!foot || !skins[k]->ground || frame_.standing[k] || foot->load_sigma.value_or(0) == 0) continue;
             const Vec2 at = on_ground(k, skins[k]->ground->middle);
             for (std::size_t i = 0; i < 2; ++i) {
                 const double apart = (at[i] - (*point)[i]) * *foot->load_sigma / total;

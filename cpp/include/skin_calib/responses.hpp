@@ -17,6 +17,7 @@ public:
         int tables = 0;
         for (std::size_t k = 0; k < c.responses.size(); ++k)
             kinds_.push_back(kind_of(c.responses[k], is_used[k] && c.responses[k].is_table() ? tables++ : 0));
+        is_one_polynomial_ = std::count(is_used.begin(), is_used.end(), 1) == 1 && tables == 0;
         for (std::size_t k : of_) {
             const Response& r = c.responses[k];
             rest.push_back(r.rest());
@@ -30,6 +31,26 @@ public:
         const Kind& kind = kinds_[of_[i]];
         const double force = kind.knots.empty() ? polynomial(kind, reading) : table(kind, reading);
         return std::isfinite(force) ? std::max(force, 0.0) : not_a_number;
+    }
+
+    // Compute the forces (n,) of readings (n,), as `force` does. With one polynomial for all, compilers vectorize it.
+    void forces_of(const Numbers& readings, Numbers& forces) const noexcept {
+        const std::size_t n = of_.size();
+        if (!is_one_polynomial_) {
+            for (std::size_t i = 0; i < n; ++i) forces[i] = force(i, readings[i]);
+            return;
+        }
+        const Kind& kind = kinds_[of_[0]];
+        const double low = kind.low, high = kind.high;
+        const double* x = readings.data();
+        double* sum = forces.data();
+        std::fill(sum, sum + n, kind.coefficients[0]);
+        for (std::size_t k = 1; k < kind.coefficients.size(); ++k) {
+            const double c = kind.coefficients[k];
+            for (std::size_t i = 0; i < n; ++i) sum[i] = sum[i] * std::min(std::max(x[i], low), high) + c;
+        }
+        for (std::size_t i = 0; i < n; ++i) // NaN, or infinity less itself, for what is not finite
+            sum[i] = std::max(sum[i], 0.0) + ((sum[i] - sum[i]) + (x[i] - x[i]));
     }
 
     // Return whether a reading of taxel i is at or beyond the saturation reading, where the force may be larger.
@@ -79,7 +100,8 @@ private:
         return std::isnan(force) ? slope * (x - kind.knots[j + 1]) + kind.forces[j + 1] : force;
     }
 
-    std::vector<std::size_t> of_; // (n,) kind of each taxel
+    bool is_one_polynomial_ = false; // whether all taxels have the same polynomial
+    std::vector<std::size_t> of_;    // (n,) kind of each taxel
     std::vector<Kind> kinds_;
 };
 

@@ -62,7 +62,8 @@ public:
         }
         alive_.assign(n, 1);
         limit();
-        for (auto* list : {&raw_, &shifted_, &signed_, &variances_}) list->assign(n, 0.0);
+        for (auto* list : {&raw_, &shifted_, &signed_, &variances_, &forces_, &sides_, &low_, &high_})
+            list->assign(n, 0.0);
         last_.assign(n, not_a_number);
         clock_ = Clock{};
         allocate_frame();
@@ -148,7 +149,10 @@ private:
             const double reading = has_creep ? raw_[i] - creep_->part[i] * sign : raw_[i];
             shifted_[i] = reading + baseline_[i];
             signed_[i] = reading * sign;
-            const double force = responses.force(i, shifted_[i]);
+        }
+        responses.forces_of(shifted_, forces_);
+        for (std::size_t i = 0; i < n; ++i) {
+            const double force = forces_[i];
             const bool is_known = force <= limits_[i];
             frame_.forces[i] = is_known ? force : 0.0;
             frame_.known[i] = is_known;
@@ -221,9 +225,12 @@ private:
     void deviate(const Terms& terms, bool is_complete) noexcept {
         const Numbers& pushes = frame_.sets.pushes;
         double placed = 0;
+        for (std::size_t i = 0; i < size(); ++i) sides_[i] = shifted_[i] - noise_->sigma[i];
+        responses.forces_of(sides_, low_);
+        for (std::size_t i = 0; i < size(); ++i) sides_[i] = shifted_[i] + noise_->sigma[i];
+        responses.forces_of(sides_, high_);
         for (std::size_t i = 0; i < size(); ++i) {
-            const double low = responses.force(i, shifted_[i] - noise_->sigma[i]);
-            const double high = responses.force(i, shifted_[i] + noise_->sigma[i]);
+            const double low = low_[i], high = high_[i];
             const double sigma = std::abs(high - low) / (1.0 + (low > 0 && high > 0));
             frame_.force_sigmas[i] = frame_.known[i] ? sigma : infinity;
             const double weighted = frame_.sets.weights[i] * sigma;
@@ -345,6 +352,7 @@ private:
     std::vector<Vec6> squares_;    // (n,) of the wrenches of 1 N
     const Terms* terms_ = nullptr; // of the sums at partial contact
     Numbers baseline_, most_, limits_, raw_, last_, shifted_, signed_, variances_;
+    Numbers forces_, sides_, low_, high_; // forces of the readings, and of those a standard deviation below and above
     Booleans alive_;
     Touched standing_; // the sets, without the taxels that cannot stand
     Terms::Sums sums_{};
