@@ -85,11 +85,10 @@ def curved_sole() -> LinkCalibration:
     return small_calibration(link="rocker", patches=(patch,), surfaces=(plane(),), response=Response((0.0, 0.01, 1e-6)))
 
 
-def sole(rows: tuple[int, ...], link: str) -> LinkCalibration:
-    """Return a flat sole of hexagons with a linear response."""
-    return small_calibration(
-        link=link, patches=(sole_patch(rows),), surfaces=(plane(),), response=Response((0.0, 0.02))
-    )
+def sole(rows: tuple[int, ...], link: str, max_load: float | None = None) -> LinkCalibration:
+    """Return a flat sole of hexagons with a linear response, and the largest plausible load [N] or None."""
+    patch = replace(sole_patch(rows), max_load=max_load)
+    return small_calibration(link=link, patches=(patch,), surfaces=(plane(),), response=Response((0.0, 0.02)))
 
 
 def forearm() -> LinkCalibration:
@@ -100,7 +99,7 @@ def forearm() -> LinkCalibration:
 CALIBRATIONS = {
     "sole": partial(sole, (8, 9, 8, 9, 8), "sole"),
     "small": partial(sole, SMALL, "left"),
-    "right": partial(sole, SMALL, "right"),
+    "right": partial(sole, (5, 4, 3, 2), "right", 120.0),
     "mixed": mixed_sole,
     "rocker": curved_sole,
     "forearm": forearm,
@@ -116,6 +115,7 @@ class Case:
     sigma: float | None = None  # [counts] of the noise that the skin has learned; None: it knows no noise
     frames: int = 16
     trouble: bool = False  # whether readings and times are wrong now and then
+    lost: bool = False  # whether some taxels lose their readings, and time jumps
 
 
 CASES = {
@@ -131,6 +131,9 @@ CASES = {
     "rocker": Case("rocker", {"ground": {"point": [0, 0, -0.025], "up": [0.1, 0, 1]}}, 2.0),
     "trouble": Case("small", {"switch_on": 0.2}, trouble=True, frames=24),
     "trouble_noise": Case("small", {}, 2.0, trouble=True, frames=24),
+    "lost": Case("small", {}, 2.0, lost=True, frames=24),
+    "lost_thresholds": Case("small", {"switch_on": 0.5}, lost=True),
+    "overload": Case("right", {}, 2.0),
     "stated_and_noise": Case("small", {"switch_on": 1.0}, 2.0),
     "noise_unknown": Case("small", {}, frames=8),
 }
@@ -174,6 +177,9 @@ def readings_of(skin: Skin, case: Case, rng: np.random.Generator) -> Iterator[tu
         counts = loaded_counts(skin, pressed) + rng.normal(0, case.sigma or 0.0, skin.reading_length)
         counts = np.clip(np.rint(counts), 0, 4095)
         time += 0.004
+        if case.lost and k % 8 >= 3:
+            counts[[2, 3, 7, 8] if k < 16 else slice(k - 12)] = np.nan
+            time += 2.0 * (k == 5)
         if case.trouble:
             wrong = rng.integers(12)
             if wrong < 3:
@@ -325,14 +331,14 @@ def write_body() -> None:
     for k in range(24):
         readings, poses = {}, {}
         for side, (name, skin) in enumerate(skins.items()):
-            load = 0.3 * ((k // 4 + side) % 3 > 0) + 0.002 * k
+            load = (0.3 + 0.002 * k) * ((k // 4 + side) % 3 > 0)
             pressed = load * (1 + 4 * skin.positions[:, 0] * np.cos(k))
             counts = loaded_counts(skin, pressed) + rng.normal(0, 2.0, skin.reading_length)
             readings[name] = np.clip(np.rint(counts), 0, 4095)
             pose = np.eye(4)
             angle = 0.1 * k * (side + 1)
             pose[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-            pose[:3, 3] = 0.05 * k, 0.1 - 0.2 * side, 0.02 * (k == 9) * side
+            pose[:3, 3] = 0.05 * k, 0.1 - 0.2 * side, 0.02 * (k == 17) * side
             poses[name] = pose
         if k == 5:
             del readings["left"]
@@ -342,7 +348,7 @@ def write_body() -> None:
             poses["left"][0, 0] *= 1.01
         if k == 8:
             readings["right"][:] = np.nan
-        if k == 10:
+        if k == 18:
             tilt = 0.1
             poses["left"][:3, :3] = [[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]]
         if k == 11:
