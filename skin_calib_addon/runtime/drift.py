@@ -13,13 +13,12 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
 from .noise import MAX_COMMON, MAX_DRIFT, MAX_READING_PERIOD, POSSIBLE, TRACKING_TIME, Noise, lowest_quarter
+from .rest import REST_PERIOD
 from .touched import Touched
 
 # [s] Shortest length of a block. Larger: a foot that is lifted for a shorter time is not followed; smaller: the noise
 # of a mean is larger, and free taxels count as loaded.
 BLOCK_TIME = 0.2
-# [s] Shortest time between two frames of a block. Larger: means are noisier; smaller: more work.
-FRAME_TIME = 0.0035
 # [frames] Smallest length of a block. Larger: slow skins report a drift later; smaller: the variance is less certain.
 BLOCK_FRAMES = 6
 # [standard deviations] Difference of means up to which taxels are like the lowest quarter. Larger: uneven light loads
@@ -132,7 +131,7 @@ class Drift:
         """
         if not self._next <= time < math.inf:
             return
-        self._next = time + FRAME_TIME
+        self._next = time + REST_PERIOD  # as dense as those of the rest
         with np.errstate(over="ignore", invalid="ignore"):  # wrong readings may be as large as a number can be
             change = signed - noise.free
             if self._count == 0:

@@ -336,7 +336,7 @@ def learned(rows: Array, responses: "TaxelResponses", pairs: IntArray, is_whole:
         slopes=slopes,
         free=rest.rows.mean(axis=0),
         free_sum=float(sums.mean()),
-        load_level=_load_level(rest, sums),
+        load_level=max(_load_level(rest, sums), rest.step * float(slopes.max())),  # a step is no load
         common=common,
         rectified=_rectified(rest, slopes),
         clip=np.where(rest.clipped > 0, rest.rows.min(axis=0), -np.inf),

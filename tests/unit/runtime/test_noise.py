@@ -622,3 +622,13 @@ def test_skewed_noise_raises_the_level_of_the_load(side):
     quantile = norm.isf(2e-4)
     expected = quantile + (quantile**2 - 1) * (side > 0) / 6
     assert_allclose(skin.noise.load_level, expected * 40 * NEWTONS * N, rtol=0.01)
+
+
+def test_silent_sensors_have_no_load_at_rest():
+    """Readings that never change: the rounding of their sum is no load, but two steps of the converter are."""
+    for seed in range(20):
+        rest = np.random.default_rng(seed).integers(0, 4000, N)
+        skin = sole(Response((0.0, 0.0123 + seed * 1e-4)))
+        skin.tare(np.tile(rest, (250, 1)), accept=True)
+        assert skin.update(rest, 0.0).touched is False
+        assert skin.update(rest + 9 * (np.arange(N) == seed), 0.01).touched
