@@ -8,6 +8,9 @@ Each time constant then gives one k. The paper found no hysteresis, so that ther
 the creep, or knows it exactly, or its constants are wrong.
 
 The drift is linear in time, other for each taxel. The sole is in the air, or walks: it is free for 0.37 s in 2 s.
+"drift" is the fraction of frames with the flag.
+
+The last table has a light even load for some seconds, and then 855 N for 20 s. Nothing drifts.
 """
 
 import argparse
@@ -74,16 +77,17 @@ def judge(forces: Array, hulls: list[Array], rate: float, true: Creep, seed: int
     n = forces.shape[1]
     skin = Skin(replace(winkler.sole(), response=Response((0.0, SENSOR.count))), **options)
     rest = OFFSET * SENSOR.count
-    skin.tare(SENSOR.read(np.full((250, n), rest), rng))
+    skin.tare(SENSOR.read(np.full((250, n), rest), rng), accept=True)
     times = winkler.PERIOD * np.arange(len(forces))
     drift = rate / 60 * (1 + SPREAD * rng.normal(size=n)) * times[:, None]
     readings = SENSOR.read(true.felt(forces) + drift + rest, rng)
-    air, inside, off, errors = [], [], [], []
+    air, inside, off, errors, flags = [], [], [], [], []
     for k, reading in enumerate(readings):
         frame, load = skin.update(reading, 10 + times[k]), forces[k].sum()
         if k < len(readings) // 3:
             continue
         off.append(drift[k] - skin.drift * SENSOR.count)
+        flags.append("drift" in frame.flags)
         if load == 0:
             air.append(frame.stands)
         else:
@@ -91,8 +95,19 @@ def judge(forces: Array, hulls: list[Array], rate: float, true: Creep, seed: int
             contact = convex_hull(hulls[k % CYCLE])
             inside.append(all(contact.margin(c) > -1e-9 for c in frame.polygon.guaranteed.corners))
     means = [f"{np.sqrt(np.mean(np.square(off))):8.3f} {np.sum(off, axis=1).mean():8.2f} {np.mean(air):8.2%}"]
+    means.append(f"{np.mean(flags):7.1%}")
     means += [f"{np.mean(inside):8.2%} {np.sqrt(np.mean(np.square(errors))):7.1f}"] if inside else []
     return " ".join(means)
+
+
+def after_rest(loads: Array, period: float, seed: int) -> float:
+    """Return the fraction of frames with the flag ``drift`` in 20 s with 855 N after light loads (t,) [N]."""
+    rng, skin = np.random.default_rng(seed), Skin(replace(winkler.sole(), response=Response((0.0, SENSOR.count))))
+    skin.tare(SENSOR.read(np.full((250, len(skin.ids)), OFFSET * SENSOR.count), rng), accept=True)
+    loads = np.append(loads, np.full(round(20 / period), 855.0))
+    readings = SENSOR.read(loads[:, None] / len(skin.ids) + OFFSET * SENSOR.count + np.zeros(len(skin.ids)), rng)
+    flags = ["drift" in skin.update(reading, period * k).flags for k, reading in enumerate(readings)]
+    return float(np.mean(flags[-round(20 / period) :]))
 
 
 def main() -> None:
@@ -104,7 +119,7 @@ def main() -> None:
     foot = winkler.steps(CYCLE, winkler.PERIOD, options.seed)[0]
     walk = np.tile(foot.forces, (options.seconds // 2, 1))
     still, none = np.zeros_like(walk), Creep(0.0, 1.0)
-    print("                                    taxel N   sole N   stands   inside  load N")
+    print("                                    taxel N   sole N   stands   drift   inside  load N")
     for name, forces in (("in the air", still), ("walking", walk)):
         for rate in (0.0, 0.1, 0.4, 1.6):
             for follows in (False, True):
@@ -118,6 +133,12 @@ def main() -> None:
             row = judge(walk, foot.hulls, 0.0, creep, options.seed, creep=known if fraction else None)
             name = f"known: {fraction:.1f} k, {duration:.1f} time" if fraction else "not known"
             print(f"  {name:30} {row}", flush=True)
+    for period in (0.001, 0.004, 0.04):
+        count = round(1 / period)
+        rests = {"15 N, 1 s": np.full(count, 15.0), "10 N, 3 s": np.full(3 * count, 10.0)}
+        rests["5 N/s, 3 s"] = np.linspace(0.0, 15.0, 3 * count)
+        found = ", ".join(f"{name} {after_rest(loads, period, options.seed):.1%}" for name, loads in rests.items())
+        print(f"drift in 20 s with 855 N, every {1e3 * period:g} ms, after {found}", flush=True)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ from skin_control.walking import (
 
 Array = np.ndarray
 # Flags of a skin with which silent cells say nothing about the ground.
-FAULTY = frozenset({"below_rest", "blind", "dead", "drift", "lost", "not_finite", "stuck", "too_large"}) | STALE
+FAULTY = STALE | {"below_rest", "blind", "dead", "drift", "lost", "noisy", "not_finite", "stuck", "too_large"}
 SURE = 0.9  # part of a sole in the hull of the pressed cells, from which on it stands on full ground
 # Along each axis, that the program may use: both together are at most that of the ground, 0.7.
 FRICTION = 0.49

@@ -24,6 +24,8 @@ BLOCK_FRAMES = 6
 # [standard deviations] Difference of means up to which taxels are like the lowest quarter. Larger: uneven light loads
 # are reported as drift; smaller: a drift that differs from taxel to taxel is not found.
 NEAR = 1.0
+# [1] The same without a contact, relative to the deviation of the lowest quarter. As NEAR.
+RELATIVE_NEAR = 0.5
 # [standard deviations of the mean] Added to MAX_DRIFT. Larger: a drift is reported later; smaller: common noise of the
 # taxels is reported.
 DRIFT_MARGIN = 3.0
@@ -41,9 +43,8 @@ MAX_BLOCK_VARIANCE = 8.0
 VARIANCE_BLOCKS = 10
 # [readings] Number of equal ones until then, at 50 per second. Derived: from VARIANCE_BLOCKS and BLOCK_TIME.
 SILENT_READINGS = -math.log(MIN_VARIANCE) * VARIANCE_BLOCKS * BLOCK_TIME / MAX_READING_PERIOD
-# [taxels] Number of surely touched ones that are a contact, if they are so in two frames in a row, or a quarter of all.
-# Larger: small contacts do not end the report of a drift; smaller: noise does.
-MIN_TOUCHED = 3
+# [1] Load at which a contact ends, relative to that of the largest drift, with which it begins. Larger: it flickers.
+CONTACT_END = 0.5
 # [1] Variance of a block in which nothing changes. Derived: from double precision.
 NO_VARIANCE = 1e-6
 NO_FLAGS: frozenset[str] = frozenset()
@@ -68,8 +69,7 @@ class Drift:
         self._moved = math.nan  # time at which the baseline last moved [s]
         self._off = 0  # number of blocks with a drift since the last one without
         self._is_reported = self._is_positive = False
-        self._sure: BoolArray | None = None  # surely touched taxels (n,) of the last frame
-        self._is_touched = False  # whether there was a contact in it
+        self._is_touched = False  # whether the load of the last frame was too large for a drift
         self._variance = np.ones(neighbours.shape[1])  # filtered, relative to that at rest
         self.drop_block()
 
@@ -84,25 +84,23 @@ class Drift:
         """Return readings (..., n) without the drift."""
         return intensities if self.offset is None else intensities - self.offset
 
-    def faults(self, sets: Touched, stuck: BoolArray) -> tuple[BoolArray, frozenset[str]]:
+    def faults(self, noise: Noise, sets: Touched, stuck: BoolArray) -> tuple[BoolArray, frozenset[str]]:
         """Return which taxels (n,) are stuck, with the silent ones, and the flags of a frame; see :class:`.Frame`.
 
-        A contact that begins or ends also ends the report of a drift. It is there again after a block with a drift. A
-        positive drift that makes no load is harmless.
+        A load that is too large for a drift ends its report when it begins, and when it ends. The report is there again
+        after a block with a drift. A positive drift that makes no load is harmless.
 
         Parameters
         ----------
+        noise : Noise
+            Of the skin.
         sets : Touched
             Of the frame.
         stuck : array of bool, shape (n,)
             Whether the reading of an active taxel has not changed for too long.
         """
-        sure, before, self._sure = sets.sure, self._sure, sets.sure
-        count = 0 if sure is None or sets.stands is False else np.count_nonzero(sure)
-        is_touched = count >= MIN_TOUCHED and (self._is_touched or 4 * count >= len(stuck))
-        if count >= MIN_TOUCHED and not is_touched and sure is not None and before is not None:
-            is_touched = np.count_nonzero(sure & before) >= MIN_TOUCHED
-        if is_touched != self._is_touched:
+        load = 0.0 if sets.stands is False else float(sets.pushes.sum())
+        if (load > (CONTACT_END if self._is_touched else 1.0) * noise.largest_drift) != self._is_touched:
             self._is_touched, self._is_mixed = not self._is_touched, True
             self._hide()
         self._lowest, self._highest = min(self._lowest, sets.common), max(self._highest, sets.common)
@@ -157,7 +155,7 @@ class Drift:
         if not np.count_nonzero(variance > NO_VARIANCE):  # no reading, or a frozen bus
             return
         lowest = lowest_quarter(deviation[valid])
-        alike = np.abs(deviation - lowest) < NEAR
+        alike = np.abs(deviation - lowest) < (NEAR if self._is_touched else max(NEAR, RELATIVE_NEAR * lowest))
         if lowest > MAX_COMMON or 4 * np.count_nonzero(alike) < np.count_nonzero(valid):  # all taxels are loaded
             self._hide()
             return

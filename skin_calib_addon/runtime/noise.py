@@ -219,6 +219,11 @@ class Noise:
         return min(max(lowest_quarter(signed * scale + offset), 0.0), MAX_COMMON)
 
     @cached_property
+    def largest_drift(self) -> float:
+        """Load that a drift of all taxels by :data:`MAX_COMMON` shows [N]."""
+        return MAX_COMMON * float(self.sigma @ self.slopes)
+
+    @cached_property
     def _common_levels(self) -> tuple[Array, Array, Array, Array]:
         """Signed readings (n,) up to which nothing is raised, and from which on all are by the maximum.
 

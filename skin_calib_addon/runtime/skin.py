@@ -426,7 +426,7 @@ class Skin:
         if noise is None and not self._has_thresholds:
             flags |= {"noise_unknown"}
         if noise is not None:
-            stuck, faults = self._readings.drift.faults(sets, stuck)
+            stuck, faults = self._readings.drift.faults(noise, sets, stuck)
             flags |= faults
         sets = sets.without(stuck) if "stuck" in flags else sets
         if self._assumed.is_assumed:
