@@ -166,9 +166,9 @@ class Drift:
             self._judge(mean, noise.common / math.sqrt(np.count_nonzero(judged) * self._count))
             growth = (np.minimum(variance, MAX_BLOCK_VARIANCE) - self._variance) / VARIANCE_BLOCKS
             self._variance = self._variance + np.where(free | (deviation <= mean), growth, 0.0)
-            self.noisy = any_of(self._variance > MAX_VARIANCE)
+            self.noisy = any_of(valid & (self._variance > MAX_VARIANCE))
             changes = (noise.repeats < SILENT_READINGS) & np.isneginf(noise.clip)
-            self._silent = any_of(changes & (self._variance < MIN_VARIANCE))
+            self._silent = any_of(valid & changes & (self._variance < MIN_VARIANCE))
         is_loaded = change[valid] @ noise.slopes[valid] > noise.load_level
         if self._is_followed and not is_loaded and not (self._peak > noise.sure - noise.free + offset).any():
             self._follow(np.where(free, change, 0.0) * noise.sign, time)

@@ -478,9 +478,8 @@ class Skin:
             return touched_by_load(active, signals.forces, known, self._has_thresholds)
         common = self.noise.common_deviation(signals.signed, known) if evidence.has_load else 0.0
         sure, lasting = over_drift(evidence, self.noise, signals.signed, common)
-        lasts, noisy = self._streak.add(lasting, is_new), self._readings.drift.noisy
-        sure = sure | lasts if noisy is None else (sure | lasts) & ~noisy
-        return touched_by_noise(evidence, active, sure, lasts, common)
+        lasts = self._streak.add(lasting, is_new)
+        return touched_by_noise(evidence, active, sure | lasts, lasts, common)
 
     def batch(self, readings: Any, times: Any = None) -> Batch:
         """Return the results of many readings at once, without a change of the skin.
