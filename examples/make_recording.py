@@ -1,19 +1,24 @@
-"""Simulate a finger that slides over the sample sheet, and write the readings of its 8-bit electronics.
+"""Simulate measurements of the sample sheet with 8-bit electronics, and write them next to this program.
 
-    python examples/make_recording.py CALIBRATION RECORDING.csv
+    python examples/make_recording.py CALIBRATION
 
-The pressure of the finger is that of Hertz on a disc of 9 mm radius, with 1 to 6 N. Each row of the recording has the
-time and one intensity for each channel. The last four columns are the true position and force.
+``wrist_recording.csv`` is a finger that slides over the sheet. Its pressure is that of Hertz on a disc of 9 mm radius,
+with 1 to 6 N. Each row has the time and one intensity for each channel. The last four columns are the true position and
+force. ``wrist_rest.csv`` has the intensities of one second without contact, ``wrist_measurements.csv`` those of known
+forces on any taxel, and ``wrist_taxels.txt`` the taxels as the iCub writes them.
 """
 
 import csv
 import sys
+from pathlib import Path
 
 import numpy as np
 
 from skin_calib_addon.calibration import load_calibration
 
+HERE = Path(__file__).resolve().parent
 FRAMES = 60  # rows of the recording
+REST_FRAMES = 100  # in one second
 RADIUS = 0.009  # of the contact [m]
 NOISE = 0.6  # standard deviation [intensity]
 
@@ -33,8 +38,14 @@ def intensity(forces, response):
     return np.clip(np.rint(exact + noise), 0, 255).astype(np.uint8)
 
 
-def main(calibration_file, recording_file):
-    """Write the recording."""
+def write(name, header, rows):
+    """Write a table."""
+    with open(HERE / name, "w", newline="") as file:
+        csv.writer(file).writerows([header, *rows])
+
+
+def main(calibration_file):
+    """Write the files."""
     calibration = load_calibration(calibration_file)
     taxels = calibration.patches[0].taxels
     rows, columns = calibration.patches[0].shape
@@ -49,12 +60,19 @@ def main(calibration_file, recording_file):
     forces = 3.5 - 2.5 * np.cos(2 * np.pi * progress)
     loads = np.array([press(taxels.positions_link, p, f) for p, f in zip(points, forces)])
     raw = intensity(loads, calibration.response)
-    with open(recording_file, "w", newline="") as file:
-        writer = csv.writer(file)
-        channels = (f"channel_{c}" for c in taxels.channels)
-        writer.writerow(["time", *channels, "true_x", "true_y", "true_z", "true_force"])
-        for i in range(FRAMES):
-            writer.writerow([f"{i / 100:.2f}", *raw[i], *(f"{x:.6f}" for x in points[i]), f"{forces[i]:.4f}"])
+    times = [f"{i / 100:.2f}" for i in range(REST_FRAMES)]
+    header = ["time", *(f"channel_{c}" for c in taxels.channels)]
+    truth = [[f"{x:.6f}" for x in point] + [f"{force:.4f}"] for point, force in zip(points, forces)]
+    rows = ([time, *row, *true] for time, row, true in zip(times, raw, truth))
+    write("wrist_recording.csv", [*header, "true_x", "true_y", "true_z", "true_force"], rows)
+    rest = intensity(np.zeros((REST_FRAMES, len(taxels.ids))), calibration.response)
+    write("wrist_rest.csv", header, ([time, *row] for time, row in zip(times, rest)))
+    known = np.concatenate((np.linspace(0, 8, 40), np.linspace(8, 0, 40)))
+    read = intensity(known, calibration.response)
+    write("wrist_measurements.csv", ["reading", "force"], ([r, f"{f:.3f}"] for r, f in zip(read, known)))
+    lines = (np.concatenate(pair) for pair in zip(taxels.positions_link, taxels.normals_link))
+    text = "\n".join(" ".join(f"{x:.6f}" for x in line) for line in lines)
+    (HERE / "wrist_taxels.txt").write_text(f"name sample_wrist\n[calibration]\n{text}\n")
 
 
 if __name__ == "__main__":

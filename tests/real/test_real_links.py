@@ -21,7 +21,7 @@ from skin_calib_addon.plan import load_plan
 ROOT = Path(__file__).parents[2]
 DATA = (ROOT / ".." / "shared" / "data" / "meshes").resolve()
 MESHES = sorted(DATA.glob("*.stl"))
-WRIST_PLAN = ROOT / "examples" / "hrp4c_wrist.plan.json"
+WRIST_PLAN = Path(__file__).with_name("hrp4c_wrist.plan.json")
 
 
 pytestmark = [

@@ -1,9 +1,11 @@
 """The documentation names every code, class of error, command and label that the package has."""
 
 import ast
+import contextlib
 import re
 import runpy
 import shlex
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +17,8 @@ from skin_calib_addon.common import errors
 ROOT = Path(__file__).resolve().parents[2]
 DOCS, PACKAGE = ROOT / "docs", ROOT / "skin_calib_addon"
 TROUBLES = DOCS / "troubleshooting.md"
+PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+WITH_COMMANDS = [page for page in PAGES[1:] if "```sh\nskin-calib" in page.read_text("utf-8")]
 # Codes that are put together from parts.
 PATTERNS = {
     "duplicate-{name}": {"duplicate-channel", "duplicate-label"},
@@ -94,8 +98,7 @@ def test_every_class_of_error_is_explained():
 
 def shell_lines() -> list[str]:
     """Lines of the shell examples that call skin-calib."""
-    pages = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
-    blocks = [block for page in pages for block in re.findall(r"```sh\n(.*?)```", page.read_text("utf-8"), re.DOTALL)]
+    blocks = [block for page in PAGES for block in re.findall(r"```sh\n(.*?)```", page.read_text("utf-8"), re.DOTALL)]
     return sorted({line for block in blocks for line in block.splitlines() if line.startswith("skin-calib ")})
 
 
@@ -106,30 +109,48 @@ def test_command_in_the_documentation_is_valid(line):
     assert cli.build_parser().parse_args(words[1:]).run
 
 
-@pytest.mark.slow
-def test_tutorials_show_what_their_programs_print(tmp_path, monkeypatch, capsys):
-    """Their commands, scripts and Python run one after the other; each text block is a part of what was printed."""
-    for name in ("sample_scenes", "examples"):
-        (tmp_path / name).symlink_to(ROOT / name, target_is_directory=True)
-    monkeypatch.chdir(tmp_path)
-    shown = 0
-    for page in ("command_line", "controller"):
-        printed, text = "", (DOCS / f"tutorial/{page}.md").read_text("utf-8")
-        for kind, block in re.findall(r"```(sh|python|text)\n(.*?)```", text, re.DOTALL):
-            if kind == "text":
-                shown += 1
-                assert block in printed
-            elif kind == "python" and "import" in block:
-                exec(block, {})
-            elif kind == "sh":
-                for program, *arguments in (shlex.split(line) for line in block.splitlines()):
-                    if program == "skin-calib":
-                        assert cli.main(arguments) == 0
-                    elif program == "python":
-                        monkeypatch.setattr("sys.argv", arguments)
+def run_page(page: Path, capsys) -> int:
+    """Run the commands and the complete Python of a page; each text block after them is a part of what was printed."""
+    printed, shown = "", 0
+    for kind, block in re.findall(r"```(sh|python|text)\n(.*?)```", page.read_text("utf-8"), re.DOTALL):
+        if kind == "text" and printed:
+            shown += 1
+            assert block in printed
+        elif kind == "python" and "import" in block and page.parent.name == "tutorial":
+            exec(block, {})
+        elif kind == "sh":
+            for program, *arguments in (shlex.split(line, comments=True) for line in block.splitlines()):
+                if program == "skin-calib":
+                    assert cli.main(arguments) == 0, arguments
+                elif program == "python" and arguments[0].startswith("examples/"):
+                    with pytest.MonkeyPatch.context() as patch:
+                        patch.setattr("sys.argv", arguments)
                         runpy.run_path(arguments[0], run_name="__main__")
-            printed += capsys.readouterr().out
-    assert shown == 5
+        printed += capsys.readouterr().out
+    return shown
+
+
+@pytest.fixture(scope="module")
+def after_readme(tmp_path_factory) -> Path:
+    """Return a fresh folder with the samples of the repository, in which the commands of the README ran."""
+    folder = tmp_path_factory.mktemp("docs")
+    for name in ("sample_scenes", "examples"):
+        shutil.copytree(ROOT / name, folder / name)
+    with pytest.MonkeyPatch.context() as patch, contextlib.chdir(folder):
+        patch.setattr("sys.argv", ["skin-calib"])
+        for line in re.findall(r"^skin-calib .*$", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE):
+            assert cli.main(shlex.split(line, comments=True)[1:]) == 0, line
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.stem)
+def test_commands_of_the_pages_run(page, after_readme, tmp_path, monkeypatch, capsys):
+    """After those of the README, one after the other, in a copy of its folder."""
+    shutil.copytree(after_readme, tmp_path / "fresh")
+    monkeypatch.chdir(tmp_path / "fresh")
+    shown = run_page(page, capsys)
+    assert page.parent.name != "tutorial" or shown > 1
 
 
 @pytest.mark.parametrize("page", ["reference/window.md", "tutorial/blender.md", "how-to/planes.md", "how-to/boards.md"])
@@ -152,7 +173,7 @@ def test_python_examples_run(page, monkeypatch):
         exec(block, {})
 
 
-@pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_files_of_the_repository_exist(page):
     """Each file that a page names by its path in the repository is there."""
     folders = "benchmarks|control/(?:examples|skin_control)|cpp|examples|sample_scenes|scripts|skin_calib_addon|tests"
