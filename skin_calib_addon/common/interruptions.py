@@ -25,18 +25,3 @@ def handled(handler: Callable[[int, FrameType | None], object], *signals: signal
     finally:
         for number, former in before.items():
             signal.signal(number, former)
-
-
-@contextmanager
-def interruptions_deferred() -> Iterator[None]:
-    """Let Ctrl+C and SIGTERM wait until the block ends.
-
-    For libraries that catch every exception: they would continue without what they were reading.
-    """
-    received: list[int] = []
-    try:
-        with handled(lambda number, _: received.append(number), signal.SIGINT, signal.SIGTERM):
-            yield
-    finally:
-        for number in received:
-            signal.raise_signal(number)

@@ -9,9 +9,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ...common.arrays import Array, IntArray
+from .expansion import check_faces, check_nodes
 from .polygons import triangulated
 
-MAX_DAE_NODES = 100_000  # nodes of the scene, each as often as it is instanced. Larger: slower malicious files.
 # Elements without an effect on the shape. They are not read, so that defects in them do not matter.
 OTHER_PARTS = {
     *("library_images", "library_effects", "library_materials", "library_animations", "library_lights"),
@@ -42,7 +42,7 @@ def read_dae(path: str | Path) -> tuple[Array, IntArray]:
     document = collada.Collada(io.BytesIO(ElementTree.tostring(root)))
     if document.scene is None:
         raise ValueError("it has no scene")
-    triangles = _triangles(document.scene.nodes, collada)
+    triangles = _triangles(document.scene.nodes, collada, Path(path).stat().st_size)
     metre = 1.0 if document.assetInfo.unitmeter is None else document.assetInfo.unitmeter
     vertices = np.concatenate([np.zeros((0, 3)), *triangles]) * metre
     return vertices, np.arange(len(vertices)).reshape(-1, 3)
@@ -64,15 +64,13 @@ class _Builder(ElementTree.TreeBuilder):
         raise ValueError("it declares a document type, which may contain entities; remove it from the file")
 
 
-def _triangles(roots: list[Any], collada: Any) -> list[Array]:
-    """Return the corners (3 k, 3) of all triangles below nodes of the scene."""
-    found, count = [], 0
+def _triangles(roots: list[Any], collada: Any, size: int) -> list[Array]:
+    """Return the corners (3 k, 3) of all triangles below nodes of the scene of a file of ``size`` bytes."""
+    found, count, faces = [], 0, 0
     nodes = [(root, np.eye(4)) for root in reversed(roots)]
     while nodes:
         node, pose = nodes.pop()
-        count += 1
-        if count > MAX_DAE_NODES:
-            raise ValueError(f"its scene has more than {MAX_DAE_NODES} nodes")
+        check_nodes(count := count + 1)
         if isinstance(node, collada.scene.Node):
             pose = pose @ np.asarray(node.matrix, float)
             nodes += [(child, pose) for child in reversed(node.children)]
@@ -81,6 +79,7 @@ def _triangles(roots: list[Any], collada: Any) -> list[Array]:
         elif isinstance(node, collada.scene.GeometryNode):
             for part in node.geometry.primitives:
                 announced = _announced(part.xmlnode)
+                check_faces(faces := faces + announced, size)
                 if len(part) != announced:
                     raise ValueError(f"it announces {announced} faces of {node.geometry.id}, but has {len(part)}")
                 if part.vertex is not None:

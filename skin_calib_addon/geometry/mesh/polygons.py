@@ -10,6 +10,7 @@ from ...common.errors import InvalidMesh
 # [1] of the squared extent of a polygon that triangles of a fan may overlap, and that has no area. Larger: triangles
 # overlap where a polygon is slightly concave. Smaller: rounding of straight or equal sides makes polygons concave.
 MAX_OVERLAP = 1e-6
+MAX_CORNERS = 2000  # of a polygon. Larger: malicious concave ones take minutes
 
 
 def check_indices(corners: IntArray, vertices: int) -> None:
@@ -26,6 +27,8 @@ def triangulated(vertices: Array, corners: Any, counts: Any) -> IntArray:
     the polygon is concave, ears are cut off. Polygons of less than three corners have no area.
     """
     corners, counts = np.asarray(corners, np.int64), np.asarray(counts, np.int64)
+    if counts.max(initial=0) > MAX_CORNERS:
+        raise ValueError(f"it has a polygon of {counts.max()} corners; export triangles")
     check_indices(corners, len(vertices))
     fans = np.maximum(counts - 2, 0)
     first = np.repeat(np.cumsum(counts) - counts, fans)

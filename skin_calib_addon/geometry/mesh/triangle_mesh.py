@@ -15,7 +15,6 @@ from ...common.arrays import Array, BoolArray, IntArray, cross, freeze, norms, r
 from ...common.arrays import unit as to_unit
 from ...common.atomic_file import write_bytes_safely
 from ...common.errors import InvalidMesh
-from ...common.interruptions import interruptions_deferred
 from ..components import components
 from .dae import read_dae
 from .gaps import closed
@@ -38,6 +37,7 @@ FORMATS = tuple(READERS)
 METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 ROUND_SIDES = 64  # faces around a cylinder, sphere or capsule: it deviates by 0.1 % of its radius. Larger: slower
 MIN_MESH_SIZE = 2e-3  # [m] least size of the mesh of a link; below, the unit is wrong. Smaller: wrong units pass
+MAX_MESH_BYTES = 512 << 20  # [B] largest mesh file. Larger: files with holes fill the memory
 MAX_MESH_SIZE = 5.0  # [m] largest size of the mesh of a link; above, the unit is wrong. Larger: wrong units pass
 
 
@@ -296,11 +296,15 @@ def read_mesh(path: str | Path) -> TriangleMesh:
         raise InvalidMesh(f"There is no mesh file at {path}. Check its name and its folder.", path=str(path))
     if kind not in FORMATS:
         raise InvalidMesh(f"{path.name} has an unknown format. Use one of {', '.join(FORMATS)}.", path=str(path))
+    if os.path.getsize(path) > MAX_MESH_BYTES:
+        raise InvalidMesh(
+            f"{path.name} has more than {MAX_MESH_BYTES >> 20} MiB. Export it as binary, or with fewer faces.",
+            path=str(path),
+        )
     if os.path.getsize(path) == 0:
         raise InvalidMesh(f"{path.name} is empty. Check that it was written completely.", path=str(path))
     try:
-        with interruptions_deferred():  # trimesh catches them, and would go on with a part of the mesh
-            vertices, faces = READERS[kind](path)
+        vertices, faces = READERS[kind](path)
     except ModuleNotFoundError:  # the command line states what to install
         raise
     except ImportError as error:

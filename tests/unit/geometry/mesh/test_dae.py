@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skin_calib_addon.common.errors import InvalidMesh
-from skin_calib_addon.geometry.mesh import dae
+from skin_calib_addon.geometry.mesh import expansion
 from skin_calib_addon.geometry.mesh.triangle_mesh import read_mesh
 
 pytest.importorskip("collada")
@@ -155,10 +155,19 @@ def test_bad_file_is_one_line(tmp_path, case):
     changes, words = BAD[case]
     if case == "nodes":
         changes = changes | {"scene": f"<node>{changes['scene']}</node>"}
-        words = f"its scene has more than {dae.MAX_DAE_NODES} nodes"
+        words = f"its scene has more than {expansion.MAX_NODES} nodes"
     with pytest.raises(InvalidMesh, match=f"link.dae.*{words}") as error:
         read_mesh(written(tmp_path, **changes))
     assert "\n" not in str(error.value)
+
+
+def test_small_file_does_not_grow(tmp_path, monkeypatch):
+    """Its geometry of four faces is there 9000 times."""
+    monkeypatch.setattr(expansion, "MAX_REPEATED_FACES", 10_000)
+    part, whole = 90 * '<instance_geometry url="#a"/>', 100 * '<instance_node url="#n"/>'
+    nodes = f'<library_nodes><node id="n">{part}</node></library_nodes>'
+    with pytest.raises(InvalidMesh, match="repeats parts"):
+        read_mesh(written(tmp_path, nodes=nodes, scene=f"<node>{whole}</node>"))
 
 
 def test_every_truncated_file_is_refused(tmp_path):

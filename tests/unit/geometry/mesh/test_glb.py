@@ -6,7 +6,9 @@ import struct
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose
 
+from skin_calib_addon.common.arrays import unit as to_unit
 from skin_calib_addon.common.errors import InvalidMesh
 from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, read_mesh
 
@@ -65,6 +67,12 @@ def test_coordinates_are_those_of_the_file(tmp_path, index, mode):
     assert volume(mesh) == pytest.approx(VOLUME)
 
 
+def test_fan_is_around_its_first_corner(tmp_path):
+    """The first three faces of the tetrahedron have it."""
+    mesh = read_mesh(written(tmp_path, np.array([0, 2, 1, 3, 2], np.uint16), FANS))
+    assert_allclose(sorted_triangles(mesh.triangles), sorted_triangles(CORNERS[FACES[:3]]), atol=1e-6)
+
+
 def test_nodes_place_their_meshes(tmp_path):
     """A mesh is placed twice: turned and moved below another node, and mirrored; all normals point outward."""
     half = np.sqrt(0.5)
@@ -82,7 +90,6 @@ def test_nodes_place_their_meshes(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"mode": FANS}, "triangle fans"),
         ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "needs the extension KHR_draco_mesh_compression"),
         ({"extensionsRequired": ["KHR_mesh_quantization"]}, "needs the extension KHR_mesh_quantization"),
         ({"skins": [{"joints": [0]}]}, "bones"),
@@ -101,15 +108,56 @@ def test_other_shapes_are_refused(tmp_path, changes, message):
         read_mesh(written(tmp_path, **changes))
 
 
-def test_faces_that_the_library_leaves_out_are_noticed(tmp_path, monkeypatch):
-    """Their number follows from the file alone; a mesh at two nodes counts twice."""
-    path = written(tmp_path, nodes=({"mesh": 0}, {"mesh": 0, "translation": [1, 0, 0]}))
-    whole = trimesh.load(path, force="mesh", process=False)
-    monkeypatch.setattr(
-        trimesh, "load", lambda *_, **__: trimesh.Trimesh(whole.vertices, whole.faces[1:], process=False)
-    )
-    with pytest.raises(InvalidMesh, match="it announces 8 faces, but 7 were found"):
-        read_mesh(path)
+def test_random_scenes_are_those_of_another_reader(tmp_path):
+    """Poses as matrices or in three parts, several levels, strips, and parts without indices."""
+    rng = np.random.default_rng(0)
+    for k in range(20):
+        nodes = [{"children": [1, 2], "rotation": to_unit(rng.normal(size=4)).tolist()}]
+        nodes += [{"mesh": 0, "children": [3], "scale": rng.uniform(-2, 2, 3).tolist(), "inner": True}]
+        nodes += [{"mesh": 0, "matrix": pose(rng).T.ravel().tolist(), "inner": True}]
+        nodes += [{"mesh": 0, "translation": rng.normal(size=3).tolist(), "inner": True}]
+        path = written(tmp_path, *((FACES, 4) if k % 2 else (STRIP, STRIPS)), nodes)
+        mesh, other = read_mesh(path), trimesh.load(path, force="mesh", process=False)
+        assert_allclose(sorted_triangles(mesh.triangles), sorted_triangles(np.array(other.triangles)), atol=1e-6)
+
+
+def pose(rng):
+    """Return a random affine pose."""
+    return np.vstack((rng.normal(size=(3, 4)), (0, 0, 0, 1)))
+
+
+def sorted_triangles(triangles):
+    """Return triangles (f, 3, 3) with area in one order, each from its first corner on."""
+    triangles = triangles.round(7)
+    turned = [np.roll(t, -int(np.lexsort(t.T[::-1])[0]), axis=0) for t in triangles]
+    return np.array(sorted(t.tolist() for t in turned))
+
+
+def test_small_files_do_not_grow(tmp_path):
+    """Parts are repeated 2.5 million times, or there are no numbers for 300 million rows."""
+    nodes = [{"children": [1] * 90}, {"children": [2] * 90, "inner": True}, {"children": [3] * 9, "inner": True}]
+    with pytest.raises(InvalidMesh, match="more than 20000 nodes"):
+        read_mesh(written(tmp_path, nodes=[*nodes, {"mesh": 0, "inner": True}]))
+    repeated = written(tmp_path, np.tile(FACES, (200, 1)), nodes=[{"children": [1] * 5000}, {"mesh": 0, "inner": True}])
+    with pytest.raises(InvalidMesh, match="repeats parts, and has 4000000 faces"):
+        read_mesh(repeated)
+    empty = [{"componentType": FLOATS, "count": 300_000_000, "type": "VEC3"}]
+    with pytest.raises(InvalidMesh, match="accessor without numbers"):
+        read_mesh(written(tmp_path, accessors=empty))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"count": 5}, {"count": -1}, {"type": "VEC2"}, {"componentType": SHORTS}, {"byteOffset": -4}, {"bufferView": 7}],
+)
+def test_numbers_outside_of_the_file_are_refused(tmp_path, change):
+    """Or of another type."""
+    views = {"bufferView": 0, "componentType": FLOATS, "count": 4, "type": "VEC3"}
+    index = {"bufferView": 1, "componentType": SHORTS, "count": 12, "type": "SCALAR"}
+    assert len(read_mesh(written(tmp_path, accessors=[views, index])).faces) == 4
+    long = {"count": 10**9} if "count" in change else {}
+    with pytest.raises(InvalidMesh, match="not a valid GLB file"):
+        read_mesh(written(tmp_path, accessors=[views | change | long, index]))
 
 
 def test_appearance_is_of_no_matter(tmp_path):
@@ -121,9 +169,10 @@ def test_appearance_is_of_no_matter(tmp_path):
 
 
 def test_nodes_in_a_circle_end(tmp_path):
-    """Nodes that are children of each other: each mesh is there once."""
+    """Nodes that are children of each other are refused."""
     nodes = [{"children": [1], "mesh": 0}, {"children": [0], "inner": True}]
-    assert len(read_mesh(written(tmp_path, nodes=nodes)).faces) == 4
+    with pytest.raises(InvalidMesh, match="in a circle"):
+        read_mesh(written(tmp_path, nodes=nodes))
 
 
 @pytest.mark.parametrize("size", [0, 3, 12, 19, 100, -200, -1])

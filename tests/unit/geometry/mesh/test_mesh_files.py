@@ -265,3 +265,15 @@ def test_polygon_that_crosses_itself_is_refused():
 def test_polygons_without_area_are_left_out():
     """Points and edges, which OFF files may list as faces."""
     assert triangulated(np.eye(3), [0, 0, 1, 0, 1, 2], [1, 2, 3]).tolist() == [[0, 1, 2]]
+
+
+def test_files_that_would_take_minutes_are_refused(tmp_path):
+    """A polygon of 2001 corners; a file of 513 MiB without content."""
+    angle = np.arange(2001) * 2 * np.pi / 2001
+    with pytest.raises(ValueError, match="a polygon of 2001 corners"):
+        triangulated(np.column_stack((np.cos(angle), np.sin(angle), 0 * angle)), np.arange(2001), [2001])
+    path = tmp_path / "holes.stl"
+    with path.open("wb") as file:
+        file.truncate(513 << 20)
+    with pytest.raises(InvalidMesh, match="more than 512 MiB"):
+        read_mesh(path)
