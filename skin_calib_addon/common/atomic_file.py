@@ -1,6 +1,7 @@
 """Replace files atomically: a reader sees the old bytes or the new ones, also after a crash."""
 
 import os
+import re
 import secrets
 import stat
 import time
@@ -9,8 +10,10 @@ from pathlib import Path
 
 from .errors import OutputError
 
-# [s] age from which a temporary file belongs to a program that was killed. Larger: remains stay longer.
-MAX_AGE = 3600.0
+# [s] age from which a temporary file belongs to a program that was killed. Larger: remains stay longer; smaller: slow
+# disks lose files.
+MAX_AGE = 60.0
+TEMPORARY = re.compile(r"\.skin-[0-9a-f]{16}\.tmp")  # names of temporary files
 
 
 def write_bytes_safely(path: str | os.PathLike[str], data: bytes) -> None:
@@ -69,7 +72,7 @@ def _remove_remains(folder: Path) -> None:
     with suppress(OSError):
         for path in folder.glob(".skin-*.tmp"):
             with suppress(OSError):
-                if time.time() - path.stat().st_mtime > MAX_AGE:
+                if TEMPORARY.fullmatch(path.name) and time.time() - path.stat().st_mtime > MAX_AGE:
                     path.unlink()
 
 

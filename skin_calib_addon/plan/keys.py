@@ -83,7 +83,7 @@ ANGLE = Type("angle", "angle", {"type": "number", "minimum": -100, "maximum": 10
 SWITCH = Type("switch", "`true` or `false`", {"type": "boolean"})
 NAME = Type("text", "text", {"type": "string", "pattern": "^[^\\u0000-\\u001f\\u007f]+$"})
 TEXT = Type("text", "text", {"type": "string", "minLength": 1})
-FILE = Type("file", "path", {"type": "string", "minLength": 1})
+FILE = Type("file", "path", {"type": "string", "pattern": "^[^\\u0000]+$"})
 MESH = replace(FILE, kind="mesh")
 ROTATION = Type(
     "rotation",

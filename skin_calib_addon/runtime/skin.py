@@ -148,6 +148,7 @@ class Skin:
         self._modalities = Modalities(calibration.modalities, self.link, self.ids, self.channels)
         self._rest: Rest | None = None if self._has_thresholds else Rest()
         self._assumed = Assumed()
+        self._turn = [None]  # empty while a thread is in ``update``
         self._clock = Clock()
         self._identities = Identities(len(self.ids))
         self._active: BoolArray = np.zeros(len(self.ids), bool)
@@ -393,6 +394,18 @@ class Skin:
     def _read(self, force: Callable[[], Array], others: Any, time: float, are_events: bool = False) -> Frame:
         """Return the frame of the readings (n,) that ``force`` returns, and of those of other modalities (or None)."""
         time = float(time)
+        try:
+            turn = self._turn.pop()  # atomic
+        except IndexError:
+            why = "another thread updates this skin at the same time"
+            return self._unknown(time, frozenset({"concurrent"}), why, self._modalities.nothing)
+        try:
+            return self._read_alone(force, others, time, are_events)
+        finally:
+            self._turn.append(turn)
+
+    def _read_alone(self, force: Callable[[], Array], others: Any, time: float, are_events: bool) -> Frame:
+        """Return what :meth:`_read` returns, while no other thread does."""
         flags, modalities = self._clock.flags(time), self._modalities.nothing
         try:
             if others is not None:
@@ -401,6 +414,7 @@ class Skin:
                 flags |= problems
             raw = force()
         except InvalidReading as error:
+            self._clock.accept(time, is_valid=False)
             return self._unknown(time, flags | {error.flag}, str(error), modalities)
         return self._frame(raw, time, flags, modalities)
 
@@ -410,6 +424,7 @@ class Skin:
         if not signals.is_complete:
             flags |= self._readings.flags(raw, signals.known)
             if not np.count_nonzero(signals.known):
+                self._clock.accept(time, is_valid=False)
                 return self._unknown(time, flags | {"blind"}, "no taxel has a valid reading", modalities)
         if not self._clock.has_past(time):
             self._forget()
@@ -554,8 +569,7 @@ class Skin:
     def _unknown(
         self, time: float, flags: frozenset[str], problem: str, modalities: Mapping[str, ModalityValues]
     ) -> Frame:
-        """Return the frame of a reading of force that cannot be used; only the clock of the skin changes."""
-        self._clock.accept(time, is_valid=False)
+        """Return the frame of a reading of force that cannot be used."""
         n = len(self.ids)
         nothing = np.zeros(n, bool)
         unknown = np.full(6, np.nan)

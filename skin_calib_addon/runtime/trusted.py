@@ -8,6 +8,7 @@ STATEMENTS = ("touched", "wrench", "point", "guaranteed")  # Contract: names in 
 TAKES: dict[str, tuple[str, ...]] = {
     "blind": STATEMENTS,
     "byte_order": STATEMENTS,
+    "concurrent": STATEMENTS,
     "drift": STATEMENTS,
     "frozen": STATEMENTS,
     "noise_unknown": STATEMENTS,

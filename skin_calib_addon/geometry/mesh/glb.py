@@ -75,7 +75,7 @@ def _triangles(document: dict[str, Any], part: dict[str, Any], content: bytes) -
     mode, k = part.get("mode", TRIANGLES), np.arange(max(len(order) - 2, 0))
     if mode == TRIANGLES:
         return points, order[: len(order) // 3 * 3].reshape(-1, 3)
-    if mode == STRIP:  # every second triangle is wound the other way
+    if mode == STRIP:  # every second triangle is wound against the others
         return points, order[np.column_stack((k, k + 1 + k % 2, k + 2 - k % 2))]
     if mode == FAN:
         return points, order[np.column_stack((np.zeros_like(k), k + 1, k + 2))]

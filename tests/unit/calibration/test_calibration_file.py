@@ -256,13 +256,15 @@ def test_write_gives_new_files_the_usual_mode(tmp_path):
 
 
 def test_remains_of_killed_programs_are_removed(tmp_path):
-    """Only those that nobody can be writing any more."""
+    """Only those that nobody can be writing any more, and no file of the user."""
     old, young = tmp_path / ".skin-0123456789abcdef.tmp", tmp_path / ".skin-fedcba9876543210.tmp"
-    for path in (old, young):
+    foreign = tmp_path / ".skin-my-notes.tmp"
+    for path in (old, young, foreign):
         path.write_bytes(b"half")
-    os.utime(old, (0, time.time() - 7200))
+    for path in (old, foreign):
+        os.utime(path, (0, time.time() - 120))
     write_bytes_safely(tmp_path / "c.json", b"new")
-    assert not old.exists() and young.exists()
+    assert not old.exists() and young.exists() and foreign.exists()
 
 
 def test_write_follows_symbolic_links(tmp_path):

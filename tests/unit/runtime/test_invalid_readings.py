@@ -4,6 +4,7 @@ Each problem is a flag, nothing raises an error, and the state of the skin stays
 """
 
 import gc
+import threading
 import tracemalloc
 from dataclasses import replace
 
@@ -418,3 +419,25 @@ def test_load_that_no_foot_bears_is_not_trusted(stated):
         skin.tare(np.maximum(np.rint(2 * np.random.default_rng(0).normal(size=(250, N))), 0))
         frame = skin.update(np.full(N, load / N / 0.2), 0.0)
         assert ("overload" not in frame.flags) == is_plausible == bool(len(frame.polygon.guaranteed.corners))
+
+
+def test_two_threads_in_one_skin_are_named(monkeypatch):
+    """The second one gets no values, and the frame of the first one is that of a skin alone."""
+    alone, skin = (counting_sole(Response((0.0, 0.2))) for _ in range(2))
+    rest, reading, others = np.zeros((250, N)), np.arange(N) % 7, []
+    alone.tare(rest, accept=True)
+    skin.tare(rest, accept=True)
+    touched = skin._touched
+
+    def while_another_thread_updates(*arguments):
+        thread = threading.Thread(target=lambda: others.append(skin.update(reading + 1, 0.5)))
+        thread.start()
+        thread.join()
+        return touched(*arguments)
+
+    monkeypatch.setattr(skin, "_touched", while_another_thread_updates)
+    first, (second,) = skin.update(reading, 1.0), others
+    assert second.flags == {"concurrent"} and second.touched is None and "another thread" in second.problem
+    expected = alone.update(reading, 1.0)
+    assert first.flags == expected.flags and np.array_equal(first.wrench, expected.wrench)
+    assert not skin.update(reading, 1.01).flags & {"concurrent", "time_back"}
