@@ -1,12 +1,18 @@
 """Which statements of the runtime hold for noisy readings: polygons, CoP, ZMP, feet in the air.
 
     python benchmarks/noise.py [--frames N] [--seed N] [--rest tare|frames] [--kind normal|heavy|correlated|common]
+        [--period S] [--light N] [--drift SIGMAS] [--lost TAXELS]
 
 The scenes are those of ``winkler.py``, and the recorded soles of an independent simulator where they are present. Their
 forces become readings with 12 or 8 bits on 800 N, with normal noise that the converter clips at zero. The skin has its
-default settings and one second of rest. For each scene the table has the fraction of frames in which
+default settings and one second of rest, and before each scene carries a light even load for a second. In the second
+half of each scene all taxels drift by some standard deviations, and some taxels at the tip have no reading. The period
+is that of the scene: the recorded ones have 25 frames per second. For each scene the table has the fraction of frames
+in which
 
 - the guaranteed polygon is inside the true contact, and is not empty;
+- the first half, and the second half, has the flag ``drift``;
+- there is a CoP;
 - the outer polygon contains every taxel with more than the detection limit that the skin states;
 
 the mean distance of the CoP from the true one, and the fractions of errors of load, CoP and moments within one and two
@@ -29,9 +35,7 @@ from skin_calib_addon.runtime import Body, Skin, convex_hull
 
 SHARED = Path(__file__).resolve().parents[1] / ".." / "shared" / "data" / "truth"
 FULL_SCALE = 800.0  # [N] force of a taxel at the highest count
-SIGMAS = 6.0  # [standard deviations] detection limit of a skin that states none
 AIR_FRAMES = 5000
-Options = dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -106,23 +110,21 @@ def recorded(name: str) -> Scene:
     return Scene(name, 0.04 * np.arange(len(hulls)), data["taxel_fn"], hulls, data["cop_sole"])
 
 
-def limits(skin: Skin, sensor: Sensor) -> tuple[Array, float]:
-    """Return the detection limits of the taxels (n,) and of the load [N] that a skin states."""
-    stated = getattr(skin, "noise", None)
-    n = len(skin.ids)
-    if stated is None:
-        return np.full(n, SIGMAS * sensor.sigma), SIGMAS * sensor.sigma * float(np.sqrt(n))
-    return stated.detection_limits, stated.load_limit
-
-
-def judge(skin: Skin, sensor: Sensor, scene: Scene, rng: np.random.Generator) -> dict:
-    """Return the fractions and the errors of a scene."""
-    limit, _ = limits(skin, sensor)
-    inside, filled, holds, overshoot, errors = [], [], [], [], []
+def judge(skin: Skin, sensor: Sensor, scene: Scene, rng: np.random.Generator, options: argparse.Namespace) -> dict:
+    """Return the fractions and the errors of a scene with what the options say."""
+    light, drift, lost = options.light, options.drift, np.argsort(-skin.positions[:, 0])[: options.lost]
+    period, limit = scene.times[1] - scene.times[0], skin.noise.detection_limits
+    before = round(1 / period) if light else 0
+    for k, reading in enumerate(sensor.read(np.full((before, len(limit)), light / len(limit)), rng)):
+        skin.update(reading, 10 + period * (k - before))
+    late = np.arange(len(scene.times)) >= len(scene.times) // 2
+    flags, inside, filled, holds, overshoot, errors = [], [], [], [], [], []
     ratios: dict[str, list[float]] = {"load": [], "CoP": [], "moment": []}
-    start = 10.0
-    for k, reading in enumerate(sensor.read(scene.forces, rng)):
-        frame = skin.update(reading, start + scene.times[k])
+    readings = sensor.read(scene.forces + drift * sensor.sigma * late[:, None], rng).astype(float)
+    readings[np.ix_(late, lost)] = np.nan
+    for k, reading in enumerate(readings):
+        frame = skin.update(reading, 10 + scene.times[k])
+        flags.append("drift" in frame.flags)
         true, polygon = convex_hull(scene.hulls[k]), frame.polygon
         inside.append(all(true.margin(c) > -1e-9 for c in polygon.guaranteed.corners))
         filled.append(len(polygon.guaranteed.corners) > 2)
@@ -138,6 +140,8 @@ def judge(skin: Skin, sensor: Sensor, scene: Scene, rng: np.random.Generator) ->
     return {
         "inside": np.mean(inside),
         "filled": np.mean(filled),
+        "stands": len(errors) / len(flags),
+        "drift": "/".join(f"{np.mean(np.array(flags)[part]):.0%}"[:-1] for part in (~late, late)),
         "holds": np.mean(holds),
         "too far": 1e3 * np.mean(overshoot),
         "mm": 1e3 * np.mean(errors),
@@ -175,29 +179,30 @@ def two_feet(sensor: Sensor, how: str, scenes: tuple[Scene, Scene], rng: np.rand
             errors.append(1e3 * np.linalg.norm(error))
             ratios.extend(error / frame.zmp_sigma)
         for scene, weight in zip(scenes, weights):
-            if weight > limits(skins[scene.name], sensor)[1]:
+            if weight > skins[scene.name].noise.load_limit:
                 enough += 1
                 vanished += scene.name not in frame.standing
     distances = f"{np.mean(errors):.2f} / {np.percentile(errors, 95):.2f} / {np.max(errors):.2f} mm"
     return f"ZMP mean/95%/max {distances}, covered {coverage(ratios)}, vanished {vanished} of {enough}"
 
 
-def table(sensor: Sensor, how: str, scenes: list[Scene], feet: tuple[Scene, Scene], seed: int) -> Iterator[str]:
+def table(sensor: Sensor, scenes: list[Scene], feet: tuple[Scene, Scene], options: argparse.Namespace) -> Iterator[str]:
     """Yield the lines of the table of a sensor."""
-    rng = np.random.default_rng(seed)
+    rng, how = np.random.default_rng(options.seed), options.rest
     skin = rested(sensor, how, rng)
-    limit, whole = limits(skin, sensor)
+    limit, whole = skin.noise.detection_limits, skin.noise.load_limit
     yield (
         f"{sensor.bits} bits, {sensor.noise:g} counts, {sensor.kind}, rest by {how}: detection limit"
         f" {np.median(limit):.2f} N of a taxel ({np.median(limit) / sensor.sigma:.1f} sigma), {whole:.1f} N of the sole"
     )
-    names = "inside", "filled", "outer", "too far", "CoP mm", "load", "CoP", "moment"
-    yield f"  {'scene':12}" + "".join(f" {name:>{width}}" for name, width in zip(names, (7, 7, 7, 8, 7, 7, 7, 7)))
+    names = "inside", "filled", "drift", "stands", "outer", "too far", "CoP mm", "load", "CoP", "moment"
+    yield f"  {'scene':12}" + "".join(f" {name:>{width}}" for name, width in zip(names, (7, 7, 7, 7, 7, 8, 7, 7, 7, 7)))
     for scene in scenes:
-        row = judge(rested(sensor, how, rng), sensor, scene, rng)
+        row = judge(rested(sensor, how, rng), sensor, scene, rng, options)
         yield (
-            f"  {scene.name:12} {row['inside']:7.2%} {row['filled']:7.1%} {row['holds']:7.2%} {row['too far']:8.1f}"
-            f" {row['mm']:7.2f} {row['load']:>7} {row['CoP']:>7} {row['moment']:>7}"
+            f"  {scene.name:12} {row['inside']:7.2%} {row['filled']:7.1%} {row['drift']:>7}"
+            f" {row['stands']:7.1%} {row['holds']:7.2%}"
+            f" {row['too far']:8.1f} {row['mm']:7.2f} {row['load']:>7} {row['CoP']:>7} {row['moment']:>7}"
         )
     stands, ghosts = in_the_air(skin, sensor, rng)
     yield f"  in the air: stands {stands:.2%}, contact {ghosts:.2%}"
@@ -210,6 +215,9 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=200, help="of each scene")
     parser.add_argument("--period", type=float, default=winkler.PERIOD, help="between frames [s]")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--light", type=float, default=0.0, help="load before each scene [N]")
+    parser.add_argument("--lost", type=int, default=0, help="taxels without a reading in the second half")
+    parser.add_argument("--drift", type=float, default=0.0, help="in the second half [standard deviations]")
     parser.add_argument("--rest", choices=("tare", "frames"), default="tare")
     parser.add_argument("--kind", choices=tuple(NOISES), default="normal")
     parser.add_argument("--sensors", nargs="*", default=["12:2", "12:.5", "8:.5", "8:2"], help="BITS:COUNTS")
@@ -221,7 +229,7 @@ def main() -> None:
     for text in options.sensors:
         bits, noise = text.split(":")
         sensor = Sensor(int(bits), float(noise), options.kind)
-        print("\n".join(table(sensor, options.rest, scenes, feet, options.seed)), flush=True)
+        print("\n".join(table(sensor, scenes, feet, options)), flush=True)
 
 
 if __name__ == "__main__":

@@ -166,7 +166,7 @@ class Arm:
         channels = next(m.channels for m in self.robot.calibrations[0].modalities if m.name == "proximity")
         self._near = [(channel, model.site(f"{link}/{id}").id) for id, channel in channels.items()]
         for skin in self.skins.values():
-            skin.tare(np.stack([self._counts(np.zeros(skin.reading_length)) for _ in range(REST)]))
+            skin.tare(np.stack([self._counts(np.zeros(skin.reading_length)) for _ in range(REST)]), accept=True)
         self.probes = [k for k in range(model.nbody) if model.body(k).name.startswith("probe")]
         self._is_hot, self._heat = case.kind == "heat", np.full(len(self.skin.ids), AIR)
         self.targets = np.zeros(model.nu)

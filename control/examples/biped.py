@@ -334,7 +334,7 @@ class Biped:
         self._late: deque[tuple[dict[str, dict[str, Array]], dict[str, Array]]] = deque(maxlen=faults.latency + 1)
         self._kept: dict[str, Array] | None = None  # reading at which the left sole froze
         for skin in self.body.skins.values():
-            skin.tare(np.stack([self._counts(np.zeros(skin.reading_length)) for _ in range(REST)]))
+            skin.tare(np.stack([self._counts(np.zeros(skin.reading_length)) for _ in range(REST)]), accept=True)
         self._sensitivities = {
             name: 1 + self.rng.normal(0, faults.sensitivity, skin.reading_length).clip(-0.9, None)
             for name, skin in self.body.skins.items()

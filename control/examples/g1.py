@@ -317,7 +317,7 @@ class G1:
         self.late: tuple[dict[str, dict[str, Array]], dict[str, Array]] | None = None
         self.peaks: dict[str, float] = {}  # largest true force on each foot, as of Biped [N]
         for skin in skins.values():
-            skin.tare(np.stack([self._noisy(np.zeros(skin.reading_length)) for _ in range(REST)]))
+            skin.tare(np.stack([self._noisy(np.zeros(skin.reading_length)) for _ in range(REST)]), accept=True)
         self.start = start(self.model, -self.sole)
         self.data.qpos[:] = self.start
         self.data.ctrl[:] = self.start[7:]

@@ -133,7 +133,7 @@ class PlanarArm:
         self._touch = {k: np.array([self.model.sensor(f"{k}/{id}").adr[0] for id in ids]) for k in LINKS}
         self._sites = {k: np.array([self.model.site(f"{k}/{id}").id for id in ids]) for k in LINKS}
         for skin in self.body.skins.values():
-            skin.tare(np.stack([self._counts(np.zeros(len(ids))) for _ in range(REST)]))
+            skin.tare(np.stack([self._counts(np.zeros(len(ids))) for _ in range(REST)]), accept=True)
         self.peak = 0.0  # largest true contact force in the last cycle [N]
         self.data.qpos[:JOINTS] = START
         mujoco.mj_forward(self.model, self.data)

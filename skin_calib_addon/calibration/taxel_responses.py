@@ -46,11 +46,7 @@ class TaxelResponses:
     @classmethod
     def of(cls, calibration: LinkCalibration) -> "TaxelResponses":
         """Return the responses of all taxels of a calibration, in the order of its patches."""
-        own = [np.zeros(0, np.int64)]
-        for patch in calibration.patches:
-            taxels = patch.taxels
-            own.append(taxels.responses + 1 if len(taxels.responses) else np.zeros(len(taxels.ids), np.int64))
-        return cls((calibration.response, *calibration.responses), np.concatenate(own))
+        return cls(*responses_of(calibration))
 
     def forces(self, intensity: Any) -> Array:
         """Return forces (..., n) [N] of readings (..., n), never negative.
@@ -72,6 +68,15 @@ class TaxelResponses:
         """Return whether readings (n,) are at or beyond ``full``, where the true force may be larger."""
         signed = np.asarray(intensity, float) * self.sign
         return (signed >= self._signed_full) & (signed < np.inf)
+
+
+def responses_of(calibration: LinkCalibration) -> tuple[tuple[AnyResponse, ...], IntArray]:
+    """Return the responses of a calibration, and the index (n,) of that of each taxel, in the order of its patches."""
+    own = [np.zeros(0, np.int64)]
+    for patch in calibration.patches:
+        taxels = patch.taxels
+        own.append(taxels.responses + 1 if len(taxels.responses) else np.zeros(len(taxels.ids), np.int64))
+    return (calibration.response, *calibration.responses), np.concatenate(own)
 
 
 class _Polynomials:

@@ -32,7 +32,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--tare", type=count, default=0, metavar="N", help="use the first N frames as readings at rest (default: 0)"
     )
     add_accept(parser)
-    parser.add_argument("--noise", type=named_path, metavar="NOISE", help="what skin-calib tare learnt at rest")
+    parser.add_argument("--noise", type=named_path, metavar="NOISE", help="what skin-calib tare learned at rest")
     parser.add_argument(
         "--on",
         type=newtons,

@@ -42,10 +42,13 @@ def run(options: argparse.Namespace) -> int:
     check_outputs(options, options.file)
     if is_robot(options.file):
         return _show_robot(options)
-    document, problems = parse(read(options.file))
-    if isinstance(document, dict) and document.get("format") == noise_file.FORMAT:
+    try:
+        calibration, warnings = load_with_warnings(options.file)
+    except CalibrationFormatError:
+        document, problems = parse(read(options.file))
+        if not (isinstance(document, dict) and document.get("format") == noise_file.FORMAT):
+            raise
         return _show_noise(options.file, document, problems or noise_file.check_noise(document))
-    calibration, warnings = load_with_warnings(options.file)
     say(table(calibration))
     for warning in warnings:
         complain(str(warning))
@@ -57,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _show_noise(file: Path, document: dict[str, Any], findings: Sequence[Finding]) -> int:
-    """Print what a tare learnt."""
+    """Print what a tare learned."""
     if findings:
         raise CalibrationFormatError(f"'{file}' is invalid: {in_short(findings)}", tuple(findings))
     noise = noise_file.noise_from(document)

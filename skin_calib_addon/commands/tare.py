@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
 def rested(skin: Skin, rows: Sequence[np.ndarray], path: Path, accept: bool = False) -> str:
     """Tare a skin with readings of a recording; return what they show, for the summary."""
     try:
-        tare = skin.tare(np.array(rows), accept)
+        tare = skin.tare(rows, accept)
     except InvalidReading as problem:
         advice = str(problem).replace("use tare(readings, accept=True)", "add --accept")
         raise CalibrationFormatError(f"'{path}', readings at rest: {advice}") from problem
@@ -74,8 +74,9 @@ def rested(skin: Skin, rows: Sequence[np.ndarray], path: Path, accept: bool = Fa
 def limits_of(noise: Noise) -> str:
     """Return what noise hides, as words."""
     dead = f", {counted(int(np.count_nonzero(noise.dead)), 'taxel')} dead" if noise.has_dead else ""
-    limit = np.nanmedian(noise.detection_limits)
-    return f"hides up to {limit:.2g} N on a taxel, {noise.load_limit:.2g} N in total{dead}"
+    known = noise.detection_limits[np.isfinite(noise.detection_limits)]
+    limit = f"{np.median(known):.2g} N on a taxel, " if len(known) else ""
+    return f"hides up to {limit} {noise.load_limit:.2g} N in total{dead}"
 
 
 def _touches(skin: Skin, frames: Sequence[tuple[float, np.ndarray]]) -> list[str]:

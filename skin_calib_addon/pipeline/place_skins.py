@@ -84,7 +84,8 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = 
         with naming_skin(plan, skin):
             done = place_skin(skin, fits[name], first) if draft is None else draft_skin(skin, fits[name], first, draft)
         imported = done.imported and done.imported.on(plan.link)
-        placed.append(replace(done, patch=replace(done.patch, surface=name), imported=imported))
+        patch = replace(done.patch, surface=name, max_load=skin.max_load)
+        placed.append(replace(done, patch=patch, imported=imported))
         counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
     first_channels(skins, counts)
     patches = tuple(done.patch for done in placed)

@@ -65,7 +65,7 @@ def with_sigma(
     for _, unknown in _unknown(patch, fit, may_fold):
         sigma[unknown] = np.nan
     sigma[~np.isfinite(sigma).all(axis=1)] = np.nan
-    return replace(patch, taxels=replace(taxels, sigma=sigma), registration=registration, max_load=skin.max_load)
+    return replace(patch, taxels=replace(taxels, sigma=sigma), registration=registration)
 
 
 def draft_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | None, mesh: MeshUncertainty) -> Patch:

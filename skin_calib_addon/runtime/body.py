@@ -151,7 +151,7 @@ class BodyFrame:
             variance += (axes**2 @ spread**2) * (foot.load / total) ** 2 + (apart * load_sigma / total) ** 2
         for link, foot in self.links.items():
             if foot.ground is not None and foot.reason is not None and foot.load_sigma:
-                apart = self._on_ground(link, foot.ground.centres[foot.ground.can_stand].mean(axis=0))[0] - point
+                apart = self._on_ground(link, foot.ground.middle)[0] - point
                 variance += (apart * foot.load_sigma / total) ** 2
         return locked(np.sqrt(variance))
 

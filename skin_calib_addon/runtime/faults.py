@@ -7,7 +7,7 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray, lock
 from .byte_order import ByteOrder
-from .noise import Noise
+from .noise import MAX_READING_PERIOD, Noise
 
 if TYPE_CHECKING:
     from ..calibration.taxel_responses import TaxelResponses
@@ -22,9 +22,6 @@ FAULT_TIME = 1.0
 # [s] An active taxel whose reading has not changed in the last bit for longer is stuck, whatever its noise.
 # Larger: a broken taxel is reported later; smaller: a constant load on a taxel without noise is reported.
 STUCK_TIME = 30.0
-# [s] Longest time between two readings of the electronics; faster controllers see a reading several times.
-# Larger: a frozen bus is reported later; smaller: slow electronics are reported as frozen.
-MAX_READING_PERIOD = 0.02
 # [s] Shortest time after which equal frames are a frozen bus. Larger: it is reported later; smaller: a short
 # interruption, which is a matter of the clock, is reported.
 FROZEN_TIME = 0.1

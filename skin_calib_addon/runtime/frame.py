@@ -104,7 +104,8 @@ class Frame:
         else:
             sure = sure & standing
             nominal |= sure
-        return supporting_polygon(ground, sets.possible & standing, nominal, sure, probabilities)
+        possible = sets.possible if self.problem is None else sets.possible | ~self.known  # all that is lost may press
+        return supporting_polygon(ground, possible & standing, nominal, sure, probabilities)
 
     @cached_property
     def _is_complete(self) -> bool:
@@ -241,7 +242,7 @@ class Frame:
         if self.lost is not None:
             squares += (terms @ self.lost) ** 2
         if self._hidden_load:
-            squares += (self._hidden_load * terms.mean(axis=1)) ** 2
+            squares += (self._hidden_load * self.footprint.skin.mean_wrench) ** 2
         if self.moments is None and self.ground is not None:  # the moments of the pressure gradient are left out
             squares += ((self.ground.in_cell.link[5:] - terms) @ self.pushes) ** 2
         return locked(np.sqrt(squares))

@@ -68,6 +68,7 @@ class SkinGeometry:
         heights = (self.normals * self.positions).sum(axis=1, keepdims=True)
         ones = np.ones((len(self.ids), 1))
         self.terms = np.hstack((ones, self.positions, heights, self.wrenches)).T.copy()
+        self.mean_wrench = self.wrenches.mean(axis=0) if len(self.ids) else np.zeros(6)  # of 1 N on all taxels
         lock(*vars(self).values())
         self.scratch = np.full(len(self.ids) + 1, -1)
 
@@ -174,6 +175,8 @@ class GroundGeometry:
         Whether a taxel looks down.
     centres : array, shape (n, 2)
         Of the cells [m].
+    middle : array, shape (2,)
+        Mean of the centres of the taxels that can stand [m].
     corners : array, shape (n, k, 2)
         Of the cells [m].
     """
@@ -185,6 +188,7 @@ class GroundGeometry:
         self.standing_count = int(self.can_stand.sum())
         self._cannot_stand = ~self.can_stand
         self.centres = plane.flat(skin.positions)
+        self.middle = self.centres[self.can_stand].mean(axis=0) if self.standing_count else np.zeros(2)
         self.corners = plane.flat(skin.corners)
         lift = np.where(self.can_stand, downward, 0.0)[:, None]
         pushes, arms = -skin.normals @ plane.axes.T, (skin.positions - plane.origin) @ plane.axes.T

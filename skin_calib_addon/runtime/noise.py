@@ -52,6 +52,14 @@ HIDDEN_LOAD = (0.1, 0.3)
 # [s] Time constant of the baseline of free taxels. Larger: the baseline is behind a fast drift; smaller: loads that
 # grow faster count as drift.
 TRACKING_TIME = 10.0
+# [standard deviations] Mean of the free taxels that is a drift. Larger: more false contacts before it is reported;
+# smaller: light contacts are reported as drift.
+MAX_DRIFT = 0.3
+# [standard deviations] Largest deviation that a drift gives all taxels. Larger: feet with a larger even load do not
+# differ from a drift; smaller: a larger drift makes guaranteed polygons wrong.
+MAX_COMMON = 5.0
+# [standard deviations] Lowest quarter of independent readings at rest. Derived: from the normal distribution.
+QUARTER = NormalDist().inv_cdf(0.25)
 # [1] Probability of a largest reading at rest, below which the noise is not normal. Larger: more skins count as such.
 MIN_TAIL_PROBABILITY = 0.01
 # [largest reading at rest] Thresholds of such skins. Smaller: rare spikes count as contacts.
@@ -59,6 +67,9 @@ TAIL_FACTOR = 2.0
 # [1] Probability that noise repeats one number, or one frame, below which it is a fault. Larger: a fault is reported
 # earlier, and chance as a fault.
 MAX_REPEAT_PROBABILITY = 1e-8
+# [s] Longest time between two readings of the electronics; faster controllers see a reading several times.
+# Larger: a frozen bus is reported later; smaller: slow electronics are reported as frozen.
+MAX_READING_PERIOD = 0.02
 # [distances from rest to surely touched] Depth of a reading below rest from which on it is a fault. Larger: a fault is
 # found only if it is deeper; smaller: tails of the noise are reported.
 BELOW_REST = 2.0
@@ -185,6 +196,39 @@ class Noise:
         below = np.where(signed <= self.clip, self.below_clip, (signed - self.mean) * self.slopes)
         return np.minimum(below, 0.0, out=below)
 
+    def common_deviation(self, signed: Array, known: BoolArray | None) -> float:
+        """Return how far a drift may have raised all readings (n,), at most :data:`MAX_COMMON` [standard deviations].
+
+        A contact raises some of them further: the lowest quarter is a limit.
+
+        Parameters
+        ----------
+        signed : array, shape (n,)
+            Signed readings.
+        known : array of bool, shape (n,)
+            Which of them count; None: all.
+        """
+        low, high, scale, offset = self._common_levels
+        if known is not None:
+            signed, low, high, scale, offset = (values[known] for values in (signed, low, high, scale, offset))
+        count = quarter(len(signed))
+        if np.count_nonzero(signed <= low) >= count:
+            return 0.0
+        if np.count_nonzero(signed <= high) < count:
+            return MAX_COMMON
+        return min(max(lowest_quarter(signed * scale + offset), 0.0), MAX_COMMON)
+
+    @cached_property
+    def _common_levels(self) -> tuple[Array, Array, Array, Array]:
+        """Signed readings (n,) up to which nothing is raised, and from which on all are by the maximum.
+
+        Factor and summand (n,) that map readings to the deviation.
+        """
+        rest = QUARTER + MAX_DRIFT
+        low = self.mean + rest * self.sigma
+        high = low + MAX_COMMON * self.sigma
+        return np.maximum(low, self.clip), high, 1 / self.sigma, -self.mean / self.sigma - rest
+
     @cached_property
     def levels(self) -> Array:
         """The levels ``sure``, ``pair``, ``release``, ``lasting`` and ``possible``, (5, n)."""
@@ -227,6 +271,17 @@ class Noise:
         step = signed * scale
         step += offset
         return _smooth(step)
+
+
+def quarter(count: int) -> int:
+    """Return a quarter of a number, at least 1."""
+    return max(count // 4, 1)
+
+
+def lowest_quarter(numbers: Array) -> float:
+    """Return the number that a quarter of some (n,) do not exceed."""
+    k = quarter(len(numbers)) - 1
+    return float(np.partition(numbers, k)[k])
 
 
 def _smooth(step: Array) -> Array:
@@ -281,7 +336,7 @@ def learned(rows: Array, responses: "TaxelResponses", pairs: IntArray, is_whole:
         slopes=slopes,
         free=rest.rows.mean(axis=0),
         free_sum=float(sums.mean()),
-        load_level=_load_level(rest, sums),
+        load_level=max(_load_level(rest, sums), rest.step * float(slopes.max())),  # a step is no load
         common=common,
         rectified=_rectified(rest, slopes),
         clip=np.where(rest.clipped > 0, rest.rows.min(axis=0), -np.inf),

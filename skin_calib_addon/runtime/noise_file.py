@@ -1,4 +1,4 @@
-"""Keep what a skin learnt at rest in a file, and read it back for the same calibration."""
+"""Keep what a skin learned at rest in a file, and read it back for the same calibration."""
 
 import os
 from collections.abc import Iterator

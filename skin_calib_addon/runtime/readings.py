@@ -14,6 +14,7 @@ from .drift import Drift
 from .geometry import SkinGeometry
 from .noise import Noise, learned
 from .rest import MAX_READING
+from .tare import LearnedRest
 
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration
@@ -27,8 +28,8 @@ MIN_IMPOSSIBLE = 100.0
 
 def taxel_readings(
     given: Any, dimensions: tuple[int, ...], channels: IntArray, length: int, name: str, link: str
-) -> tuple[Array, bool]:
-    """Return the readings (..., n) of the taxels, NaN where they are masked, and whether they are whole numbers."""
+) -> tuple[Array, np.dtype]:
+    """Return the readings (..., n) of the taxels, NaN where they are masked, and the data type that was given."""
     must = f"a {name} must be {'rows' if dimensions == (2,) else 'one row'} of real numbers"
     readings = numbers_of(given, dimensions, "uif", must)
     if readings.shape[-1] < length:
@@ -37,15 +38,15 @@ def taxel_readings(
             flag="wrong_length",
             length=readings.shape[-1],
         )
-    is_whole = readings.dtype.kind in "ui"
+    dtype = readings.dtype
     if isinstance(given, np.ma.MaskedArray):
         readings = unmasked(given)
-    return readings.take(channels, axis=-1), is_whole
+    return readings.take(channels, axis=-1), dtype
 
 
-def largest_of(rows: Array) -> float:
-    """Return the largest number of the data type of an array; infinity for floating-point numbers."""
-    return float(np.iinfo(str(rows.dtype)).max) if rows.dtype.kind in "ui" else np.inf
+def is_whole(dtype: np.dtype) -> bool:
+    """Return whether numbers of a data type are whole."""
+    return dtype.kind in "ui"
 
 
 def numbers_of(given: Any, dimensions: tuple[int, ...], kinds: str, must: str) -> Any:
@@ -64,15 +65,6 @@ def numbers_of(given: Any, dimensions: tuple[int, ...], kinds: str, must: str) -
             what = "a mapping. Pass the readings of force alone"
         raise InvalidReading(f"{must}; this one is {what}", flag="wrong_type")
     return numbers
-
-
-class Learnt(NamedTuple):
-    """What readings at rest say."""
-
-    frames: int
-    mean: Array  # (n,) reading, before the clipping where the noise is known; NaN where there is none
-    sigma: Array  # (n,) standard deviation, as the mean
-    noise: Noise | None  # None: they say nothing about it
 
 
 class Signals(NamedTuple):
@@ -106,8 +98,7 @@ class Readings:
         self._new_drift = partial(Drift, geometry.neighbours, follows_drift)
         self.drift = self._new_drift()
         self._creep = None if creep is None else Creep(len(geometry.ids), *creep)
-        self.is_whole = False  # whether the last readings were whole numbers
-        self.largest = np.inf  # what their data type can have
+        self.dtype: np.dtype = np.dtype(float)  # of the last readings
         self._pairs = geometry.pairs
         self._latest = np.full(len(geometry.ids), np.nan)  # all that was sent, also in frames that are not accepted
         self._row_of = {channel: row for row, channel in enumerate(self.channels.tolist())}
@@ -131,8 +122,7 @@ class Readings:
 
     def intensities(self, readings: Any) -> Array:
         """Return the reading of each taxel, shape (n,), in double precision: sums of 8-bit numbers overflow."""
-        rows, self.is_whole = self._rows(readings, (1,))
-        self.largest = largest_of(rows)
+        rows, self.dtype = self._rows(readings, (1,))
         return rows.astype(float)
 
     def after(self, indices: Any, values: Any) -> Array:
@@ -149,7 +139,7 @@ class Readings:
             if channel in self._row_of:
                 raw[self._row_of[channel]] = value
         if len(numbers):
-            self.is_whole = numbers.dtype.kind in "ui"
+            self.dtype = numbers.dtype
         return raw
 
     def rows(self, readings: Any) -> Array:
@@ -159,8 +149,8 @@ class Readings:
             raise InvalidReading(what, flag="wrong_type")
         return self._rows(readings, (2,))[0]
 
-    def _rows(self, readings: Any, dimensions: tuple[int, ...]) -> tuple[Array, bool]:
-        """Return the readings of the taxels, NaN where they are masked, and whether they are whole numbers."""
+    def _rows(self, readings: Any, dimensions: tuple[int, ...]) -> tuple[Array, np.dtype]:
+        """Return the readings of the taxels, NaN where they are masked, and the data type that was given."""
         return taxel_readings(readings, dimensions, self.channels, self.length, "reading", self.link)
 
     def forces(self, intensities: Array) -> tuple[Array, BoolArray]:
@@ -196,23 +186,23 @@ class Readings:
         forces, known = self._valid(self.responses.forces(shifted))
         return Signals(shifted, self.signed(intensities), forces, known, np.count_nonzero(known) == len(known))
 
-    def at_rest(self, readings: Any) -> tuple[Array, bool]:
-        """Return one or more readings for a tare, (frames, n), in their data type, and whether they are whole."""
-        rows, is_whole = self._rows(readings, (1, 2))
-        return np.atleast_2d(rows), is_whole
+    def at_rest(self, readings: Any) -> tuple[Array, np.dtype]:
+        """Return one or more readings for a tare, (frames, n), and the data type that was given."""
+        rows, dtype = self._rows(readings, (1, 2))
+        return np.atleast_2d(rows.astype(float)), dtype
 
-    def examined(self, rows: Array, is_whole: bool) -> "Learnt":
+    def examined(self, rows: Array, dtype: np.dtype) -> LearnedRest:
         """Return what readings (frames, n) at rest say; NaN where a taxel has none. Nothing changes."""
         finite = np.abs(rows) < MAX_READING
-        noise = learned(np.where(finite, rows, np.nan), self.responses, self._pairs, is_whole)
+        noise = learned(np.where(finite, rows, np.nan), self.responses, self._pairs, is_whole(dtype))
         counts = finite.sum(axis=0)
         mean = np.where(finite, rows, 0.0).sum(axis=0) / np.maximum(counts, 1)
         sigma = np.sqrt((np.where(finite, rows - mean, 0.0) ** 2).sum(axis=0) / np.maximum(counts - 1, 1))
         if noise is not None:
             mean, sigma = np.where(noise.dead, mean, noise.mean * noise.sign), noise.sigma
-        return Learnt(len(rows), np.where(counts > 0, mean, np.nan), sigma, noise)
+        return LearnedRest(len(rows), np.where(counts > 0, mean, np.nan), sigma, noise)
 
-    def learn(self, rest: "Learnt") -> None:
+    def learn(self, rest: LearnedRest) -> None:
         """Set the baseline, and the noise; of too few frames for the noise, it moves to their mean."""
         noise, baseline = rest.noise, self.baseline
         if noise is None and self.noise is not None:

@@ -141,7 +141,7 @@ def is_rest(rows: Array, is_whole: bool) -> bool:
     """Return whether readings (frames, n) are those of a skin at rest, as far as their changes can show it.
 
     The mean of each taxel is the same in both halves. No reading is far from the others, as in a tap. Successive
-    readings differ as noise does, not as in a slow push. Their mean is a matter of :func:`.load_warnings`.
+    readings differ as noise does, not as in a slow push. Their mean is a matter of :func:`.judged`.
     """
     if not (rows.size and (np.abs(rows) < MAX_READING).all()):
         return False

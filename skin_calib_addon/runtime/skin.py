@@ -21,17 +21,18 @@ from .geometry import GroundGeometry, SkinGeometry, Terms, observable, wrench_ra
 from .identity import Identities
 from .lost import Lost
 from .modalities import Modalities, ModalityValues, force_of, without_force
-from .noise import LOAD_LIMIT, Noise
+from .noise import Noise
 from .plane import Plane, ground_of
-from .readings import Learnt, Readings, Signals, force_sigmas, largest_of
+from .readings import Readings, Signals, force_sigmas, is_whole
 from .rest import Assumed, Rest, contacts_during, is_rest
-from .tare import MAX_REST_FORCE, Tare, load_warnings, scale_warnings
+from .tare import LearnedRest, Tare, judged
 from .touched import (
     Evidence,
     Streak,
     Touched,
     by_noise,
     by_thresholds,
+    over_drift,
     switched,
     touched_by_load,
     touched_by_noise,
@@ -48,7 +49,7 @@ SWITCH_ON, SWITCH_OFF = 0.2, 0.1
 
 # Flags of frames that are not part of a rest.
 NOT_AT_REST = NO_PAST | {"byte_order"}
-# Flags of frames whose readings are not those of the rest that was learnt.
+# Flags of frames whose readings are not those of the rest that was learned.
 NOT_THAT_REST = NOT_AT_REST | {"drift", "below_rest", "frozen"}
 
 
@@ -267,7 +268,7 @@ class Skin:
         Returns
         -------
         Tare
-            What was learnt, with the warnings that were accepted.
+            What was learned, with the warnings that were accepted.
 
         Raises
         ------
@@ -275,11 +276,9 @@ class Skin:
             As for :meth:`forces`; if some of 8 or more frames have a contact that the others do not have; and if the
             readings have a warning. The baseline does not change.
         """
-        given, is_whole = self._readings.at_rest(readings)
-        rows = given.astype(float)
-        responses = self._readings.responses
-        alive = np.where(self._readings.alive, rows, np.nan)
-        forces = contacts_during(alive, responses, is_whole)
+        rows, dtype = self._readings.at_rest(readings)
+        responses, alive = self._readings.responses, self._readings.alive
+        forces = contacts_during(np.where(alive, rows, np.nan), responses, is_whole(dtype))
         if len(forces) and (most := float(forces.max())) >= self.switch_on:
             raise InvalidReading(
                 f"the {len(rows)} readings for a tare are not at rest: the force changes by {most:.2g} N on "
@@ -288,9 +287,8 @@ class Skin:
                 flag="not_at_rest",
                 force=most,
             )
-        rest = self._readings.examined(rows, is_whole)
-        warnings = self._rest_warnings(alive, largest_of(given), rest)
-        forces = self._offsets(rest)[1]
+        rest = self._readings.examined(rows, dtype)
+        forces, warnings = judged(rest, np.where(alive, rows, np.nan), dtype, responses, alive, self.geometry)
         if warnings and not accept:
             raise InvalidReading(
                 f"the readings for a tare are refused: {'; '.join(warnings)}. Lift the skin, or check the response. If "
@@ -304,26 +302,8 @@ class Skin:
         self._rest = None if self._has_thresholds or self.noise is not None else Rest()
         return Tare(len(rows), forces, rest.noise, warnings)
 
-    def _rest_warnings(self, rows: Array, largest: float, rest: Learnt) -> tuple[str, ...]:
-        """Return why readings (frames, n) at rest may be those of a load, or in another unit than the responses."""
-        responses, sigma = self._readings.responses, rest.sigma
-        if rest.noise is None:
-            hidden = responses.forces(responses.rest + responses.sign * sigma)
-            limit = max(MAX_REST_FORCE, LOAD_LIMIT * float(np.linalg.norm(hidden)))
-            sigma = np.where(sigma > 0, sigma, np.inf)
-        else:
-            limit, sigma = rest.noise.load_limit, np.where(rest.noise.dead, np.inf, sigma)
-        loaded = load_warnings(self.ids, *self._offsets(rest), sigma, limit, self.pairs)
-        return loaded + scale_warnings(rows, largest, responses.rest, responses.full)
-
-    def _offsets(self, rest: Learnt) -> tuple[Array, Array]:
-        """Return by how much readings at rest are off those without force, signed, and their forces (n,) [N]."""
-        responses, has_mean = self._readings.responses, np.isfinite(rest.mean) & self._readings.alive
-        mean = np.where(has_mean, rest.mean, responses.rest)
-        return (mean - responses.rest) * responses.sign, np.nan_to_num(responses.forces(mean))
-
     def save_noise(self, path: str | Path) -> None:
-        """Write what the skin learnt at rest, baseline and noise, to a file, by convention ``NAME.noise.json``.
+        """Write what the skin learned at rest, baseline and noise, to a file, by convention ``NAME.noise.json``.
 
         Raises
         ------
@@ -335,7 +315,7 @@ class Skin:
         save_noise(path, self._checksum, self.link, self._readings.baseline, self.noise)
 
     def load_noise(self, path: str | Path) -> None:
-        """Read what this skin learnt at rest, as after a :meth:`tare`.
+        """Read what this skin learned at rest, as after a :meth:`tare`.
 
         Raises
         ------
@@ -445,8 +425,10 @@ class Skin:
             flags |= {"overload"}
         if noise is None and not self._has_thresholds:
             flags |= {"noise_unknown"}
-        if self._readings.drift.is_reported:
-            flags |= {"drift"}
+        if noise is not None:
+            stuck, faults = self._readings.drift.faults(sets, stuck)
+            flags |= faults
+        sets = sets.without(stuck) if "stuck" in flags else sets
         if self._assumed.is_assumed:
             self._assumed.add(bool(sets.stands), flags.isdisjoint(NOT_THAT_REST), time)
             flags |= {"rest_assumed"} if self._assumed.is_assumed else set()
@@ -492,9 +474,13 @@ class Skin:
         self._active = switched(evidence.on, evidence.stays, self._active)
         known = None if signals.is_complete else signals.known
         active = self._active if known is None else self._active & known
-        if evidence.lasting is None:
+        if self.noise is None or signals.signed is None or evidence.lasting is None:
             return touched_by_load(active, signals.forces, known, self._has_thresholds)
-        return touched_by_noise(evidence, active, self._streak.add(evidence.lasting, is_new))
+        common = self.noise.common_deviation(signals.signed, known) if evidence.has_load else 0.0
+        sure, lasting = over_drift(evidence, self.noise, signals.signed, common)
+        lasts, noisy = self._streak.add(lasting, is_new), self._readings.drift.noisy
+        sure = sure | lasts if noisy is None else (sure | lasts) & ~noisy
+        return touched_by_noise(evidence, active, sure, lasts, common)
 
     def batch(self, readings: Any, times: Any = None) -> Batch:
         """Return the results of many readings at once, without a change of the skin.
@@ -557,12 +543,14 @@ class Skin:
         else:  # a contact ends the rest; the noise of its first frames stays
             self._rest = None
 
-    def _found_rest(self, rows: Array) -> Learnt | None:
+    def _found_rest(self, rows: Array) -> LearnedRest | None:
         """Return what the first readings (frames, n) say; None if they may not be those without contact."""
-        if not is_rest(rows, self._readings.is_whole):
+        readings = self._readings
+        if not is_rest(rows, is_whole(readings.dtype)):
             return None
-        found = self._readings.examined(rows, self._readings.is_whole)
-        return None if found.noise is None or self._rest_warnings(rows, self._readings.largest, found) else found
+        found = readings.examined(rows, readings.dtype)
+        warnings = judged(found, rows, readings.dtype, readings.responses, readings.alive, self.geometry)[1]
+        return None if found.noise is None or warnings else found
 
     def _unknown(
         self, time: float, flags: frozenset[str], problem: str, modalities: Mapping[str, ModalityValues]

@@ -1,16 +1,20 @@
-"""What a tare learnt of readings without contact, and why they may not be without contact."""
+"""What a tare learned of readings without contact, and why they may not be without contact."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..common.arrays import Array, IntArray, lock
+from ..common.arrays import Array, BoolArray, lock
 from ..common.errors import counted
-from .noise import Noise
+from .geometry import SkinGeometry
+from .noise import LOAD_LIMIT, Noise
+
+if TYPE_CHECKING:
+    from ..calibration.taxel_responses import TaxelResponses
 
 # [standard deviations] Mean of a taxel off its reading without force, from which on there is a warning. Larger: weak
-# contacts at rest are learnt as offsets; smaller: sensors with small offsets need a word of their user.
+# contacts at rest are learned as offsets; smaller: sensors with small offsets need a word of their user.
 MAX_REST_OFFSET = 3.0
 # [N] Force of a rest from which on there is one, while the noise is not known. Larger: as above.
 MAX_REST_FORCE = 5.0
@@ -24,9 +28,18 @@ MIN_ALIGNMENT = 4
 MIN_COUNTS = 200.0
 
 
+class LearnedRest(NamedTuple):
+    """What readings at rest say."""
+
+    frames: int
+    mean: Array  # (n,) reading, before the clipping where the noise is known; NaN where there is none
+    sigma: Array  # (n,) standard deviation, as the mean
+    noise: Noise | None  # None: they say nothing about it
+
+
 @dataclass(frozen=True, eq=False)
 class Tare:
-    """What a skin learnt at rest."""
+    """What a skin learned at rest."""
 
     frames: int
     forces: Array  # (n,) that count as offsets from now on, by the response [N]
@@ -37,55 +50,82 @@ class Tare:
         lock(self.forces)
 
 
-def load_warnings(
-    ids: Sequence[str], offsets: Array, forces: Array, sigma: Array, limit: float, pairs: IntArray
-) -> tuple[str, ...]:
+def judged(
+    rest: LearnedRest, rows: Array, dtype: np.dtype, responses: "TaxelResponses", alive: BoolArray, skin: SkinGeometry
+) -> tuple[Array, tuple[str, ...]]:
+    """Return the forces (n,) of a rest by the responses [N], and why it may be no rest, or in another unit.
+
+    Parameters
+    ----------
+    rest : LearnedRest
+        What the readings say.
+    rows : array, shape (frames, n)
+        The readings; NaN where a taxel has none.
+    dtype : dtype
+        In which they were given.
+    responses : TaxelResponses
+        Of the taxels.
+    alive : array of bool, shape (n,)
+        Whether a taxel is not masked.
+    skin : SkinGeometry
+        Of the taxels.
+    """
+    mean = np.where(np.isfinite(rest.mean) & alive, rest.mean, responses.rest)
+    forces, noise = np.nan_to_num(responses.forces(mean)), rest.noise
+    if noise is None:
+        hidden = responses.forces(responses.rest + responses.sign * rest.sigma)
+        limit, is_vague = max(MAX_REST_FORCE, LOAD_LIMIT * float(np.linalg.norm(hidden))), rest.sigma == 0
+    else:
+        limit, is_vague = noise.load_limit, noise.dead
+    is_off = (np.abs(mean - responses.rest) > MAX_REST_OFFSET * rest.sigma) & ~is_vague
+    by_unit = warnings_of_unit(rows, dtype, responses.rest, responses.full)
+    return forces, warnings_of_load(skin, forces, is_off, limit) + by_unit
+
+
+def warnings_of_load(skin: SkinGeometry, forces: Array, is_off: BoolArray, limit: float) -> tuple[str, ...]:
     """Return why readings at rest may be those under a load.
 
     Parameters
     ----------
-    ids : sequence of str
+    skin : SkinGeometry
         Of the taxels.
-    offsets : array, shape (n,)
-        Mean signed readings, less those without force by the responses; 0 where there is none.
     forces : array, shape (n,)
-        Of these means, by the response [N].
-    sigma : array, shape (n,)
-        Standard deviations of these readings; infinite for a dead taxel.
+        Of the mean readings, by the responses [N].
+    is_off : array of bool, shape (n,)
+        Whether the mean of a taxel is off the reading without force.
     limit : float
         Force that the noise of all taxels hides [N].
-    pairs : array, shape (e, 2)
-        Rows of neighbours.
     """
-    total, is_far = float(forces.sum()), np.abs(offsets) > MAX_REST_OFFSET * sigma
-    if not is_far.any() and total <= limit:
+    total = float(forces.sum())
+    if not is_off.any() and total <= limit:
         return ()
-    worst = int(np.argmax(np.where(is_far, np.abs(offsets), 0.0) if is_far.any() else forces))
-    what = f"they are those of {total:.3g} N, with {forces[worst]:.2g} N on {ids[worst]}"
-    if is_far.any():
-        far = counted(int(np.count_nonzero(is_far)), "taxel")
-        what += f", and the means of {far} are off the rest of their response"
+    worst = int(np.argmax(np.where(is_off, forces, -1.0) if is_off.any() else forces))
+    what = f"they are those of {total:.3g} N, with {forces[worst]:.2g} N on {skin.ids[worst]}"
+    if is_off.any():
+        off = counted(int(np.count_nonzero(is_off)), "taxel")
+        what += f", and the means of {off} are off the rest of their response"
     apart = forces - forces.mean()
-    first, second = apart[pairs.T]
-    if len(pairs) and float((first * second).mean()) > CONTACT_CORRELATION * float((apart**2).mean()) > 0:
+    first, second = apart[skin.pairs.T]
+    if len(skin.pairs) and float((first * second).mean()) > CONTACT_CORRELATION * float((apart**2).mean()) > 0:
         what += "; neighbours are alike, as under a contact"
     return (what,)
 
 
-def scale_warnings(rows: Array, largest: float, rest: Array, full: Array) -> tuple[str, ...]:
+def warnings_of_unit(rows: Array, dtype: np.dtype, rest: Array, full: Array) -> tuple[str, ...]:
     """Return why readings (frames, n) may not be in the unit of their response.
 
     Parameters
     ----------
     rows : array, shape (frames, n)
         NaN where a taxel has none.
-    largest : float
-        Number that the data type of the readings can have; infinite for floating-point numbers.
+    dtype : dtype
+        In which the readings were given.
     rest, full : array, shape (n,)
         Readings without force, and at the end of the range of the response; infinite without a range.
     """
     found = []
     ends = np.concatenate((rest, full))[np.isfinite(np.concatenate((full, full)))]  # of responses with a range
+    largest = float(np.iinfo(str(dtype)).max) if dtype.kind in "ui" else np.inf
     if len(ends) and ends.max() > largest:
         found.append(f"they are numbers up to {largest:g}, the response needs {ends.max():g}")
     values = rows[np.isfinite(rows)]

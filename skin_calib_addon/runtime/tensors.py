@@ -49,14 +49,12 @@ def constants(skin: Skin) -> dict[str, Array]:
 def _responses(calibration: "LinkCalibration") -> dict[str, Array]:
     """Return polynomials (k, n) with their ranges (n,), and tables as sums of ramps (r, n)."""
     from ..calibration.response import Response, ResponseTable  # imported late: only a skin needs these modules
+    from ..calibration.taxel_responses import responses_of
 
-    kinds = (calibration.response, *calibration.responses)
-    tables = [k if isinstance(k, ResponseTable) else None for k in kinds]
-    own = [p.taxels.responses + 1 if len(p.taxels.responses) else np.zeros(len(p.taxels.ids), int)
-           for p in calibration.patches]  # fmt: skip
-    index = np.concatenate([np.zeros(0, int), *own])
+    kinds, index = responses_of(calibration)
+    tables = [kind for kind in kinds if isinstance(kind, ResponseTable)]
     powers = max([2, *(len(k.coefficients) for k in kinds if isinstance(k, Response))])
-    ramps = max([0, *(len(t.readings) - 1 for t in tables if t is not None)])
+    ramps = max([0, *(len(t.readings) - 1 for t in tables)])
     coefficients, ends = np.zeros((powers, len(kinds))), np.array([k.ends for k in kinds], float).T
     knots, widths, rises = np.zeros((3, ramps, len(kinds)))
     for i, kind in enumerate(kinds):

@@ -4,7 +4,7 @@
 arrays (..., n). First comes the evidence of a reading alone, then the state of the taxels before it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -37,10 +37,17 @@ class Touched:
     weights: Array  # (n,) of its force in the sums
     pushes: Array  # (n,) its part of the sums [N]; of free taxels zero on average
     stands: bool | None
+    common: float = 0.0  # deviation of all taxels that may be a drift [standard deviations]
     excess: float = 0.0  # sum of all taxels above that at rest [N]
 
     def __post_init__(self) -> None:
         lock(self.active, self.sure, self.possible, self.weights, self.pushes)
+
+    def without(self, stuck: BoolArray) -> "Touched":
+        """Return the sets if the readings of some taxels (n,) prove nothing: with a load, they are possibly touched."""
+        if self.stands is False or self.sure is None:
+            return self
+        return replace(self, sure=self.sure & ~stuck, possible=self.possible | stuck)
 
 
 class Streak:
@@ -93,6 +100,16 @@ def by_noise(noise: Noise, neighbours: IntArray, signed: Array, forces: Array, k
     return Evidence(on, release, sure, lasting, possible, weights, pushes, has_load, excess)
 
 
+def over_drift(evidence: Evidence, noise: Noise, signed: Array, common: float) -> tuple[BoolArray, BoolArray]:
+    """Return ``sure`` and ``lasting`` (n,) of signed readings (n,), less a ``common`` deviation of all taxels."""
+    sure, lasting = evidence.sure, evidence.lasting
+    assert sure is not None and lasting is not None
+    if common == 0:
+        return sure, lasting
+    lower = signed - common * noise.sigma
+    return sure & (lower > noise.sure), lasting & (lower > noise.lasting)
+
+
 def _with_pairs(sure: BoolArray, pair: BoolArray, neighbours: IntArray) -> BoolArray:
     """Return the taxels (..., n) that are sure, and those above the level of pairs that have a neighbour above it."""
     unsure = (pair > sure).nonzero()
@@ -137,11 +154,12 @@ def touched_by_load(active: BoolArray, forces: Array, known: BoolArray | None, i
     return Touched(active, active if is_sure else None, possible, weights, weights * forces, None)
 
 
-def touched_by_noise(evidence: Evidence, active: BoolArray, lasts: BoolArray) -> Touched:
+def touched_by_noise(
+    evidence: Evidence, active: BoolArray, sure: BoolArray, lasts: BoolArray, common: float
+) -> Touched:
     """Return what is touched in one frame; ``lasts`` (n,) has the taxels above ``lasting`` in three frames."""
-    _, _, sure, _, possible, weights, pushes, has_load, excess = evidence
-    assert sure is not None and possible is not None and weights is not None and pushes is not None
+    _, _, _, _, possible, weights, pushes, has_load, excess = evidence
+    assert possible is not None and weights is not None and pushes is not None and excess is not None
     if not has_load:
-        assert excess is not None
-        return Touched(active, active, active, weights, pushes, False, float(excess))  # no taxel is active
-    return Touched(active, sure | lasts, possible | lasts | active, weights, pushes, True)
+        return Touched(active, active, active, weights, pushes, False, excess=float(excess))  # no taxel is active
+    return Touched(active, sure, possible | lasts | active, weights, pushes, True, common)

@@ -12,7 +12,6 @@ TAKES: dict[str, tuple[str, ...]] = {
     "frozen": STATEMENTS,
     "noise_unknown": STATEMENTS,
     "overload": STATEMENTS,
-    "stuck": STATEMENTS,
     "wrong_length": STATEMENTS,
     "wrong_type": STATEMENTS,
     "below_rest": ("touched", "wrench", "point"),
@@ -20,6 +19,7 @@ TAKES: dict[str, tuple[str, ...]] = {
     "noisy": ("wrench", "point"),
     "rest_assumed": ("guaranteed",),
     "saturated": ("wrench", "point"),
+    "stuck": ("touched", "wrench", "point"),
 }
 NOT_GUARANTEED = frozenset(flag for flag, taken in TAKES.items() if "guaranteed" in taken)
 

@@ -155,6 +155,6 @@ def test_python_examples_run(page, monkeypatch):
 @pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda page: page.stem)
 def test_files_of_the_repository_exist(page):
     """Each file that a page names by its path in the repository is there."""
-    folders = "benchmarks|control/examples|control/skin_control|examples|sample_scenes|scripts|skin_calib_addon|tests"
+    folders = "benchmarks|control/(?:examples|skin_control)|cpp|examples|sample_scenes|scripts|skin_calib_addon|tests"
     names = re.findall(rf"(?<![\w/.])(?:{folders})/[\w/.-]*\.\w+", page.read_text("utf-8"))
     assert [name for name in names if not (ROOT / name).exists()] == []

@@ -16,6 +16,7 @@ FOLDERS = (
     "tests",
     "benchmarks",
     "control",
+    "cpp",
     "examples",
     "sample_scenes",
     "scripts",
@@ -43,7 +44,7 @@ def pattern_of(words):
 def texts(path):
     """Line number and text of everything in a file that a person reads."""
     source = path.read_text("utf-8")
-    if path.suffix == ".md":
+    if path.suffix != ".py":
         yield from enumerate(source.splitlines(), 1)
         return
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
@@ -55,11 +56,11 @@ def texts(path):
 
 
 def files():
-    """All Python and Markdown files of the repository."""
+    """All Python, Markdown and C++ files of the repository."""
     yield from (path for path in ROOT.glob("*.md"))
     yield from (path for path in ROOT.glob("*.py"))
     for folder in FOLDERS:
-        yield from (path for ending in ("*.py", "*.md") for path in sorted((ROOT / folder).rglob(ending)))
+        yield from (path for ending in ("*.py", "*.md", "*.[ch]pp") for path in sorted((ROOT / folder).rglob(ending)))
 
 
 def test_words_that_are_out_stand_nowhere():

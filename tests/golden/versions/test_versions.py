@@ -18,7 +18,7 @@ HERE = Path(__file__).parent
 FILES = {  # by version, the SHA-256 of its file
     1: "5c574a156d36e537c1868582c25eeb4acf6e85e17f86999e16db6127f348249b",
     2: "cf50b134e9c8f9b5422c23a8c55b06921a4f3328afa0b5688b76164f940d9de7",
-    3: "f37eb2ff6b1b806ef7ff6d52c6d7d1f7d2f40ca2690ff79e1d1b802a4c72b84c",
+    3: "537f72e65771eb2b78532ce3d48ad0ad8ce971dd6d62fda03f2b476984fc7773",
 }
 FITTED = {  # files of older versions that the program of then fitted to samples
     "1.sheet": "aaf3827a8102660a3bb3d7fcbe86b4ffa0fab1624bc1551f519251a698e34c88",

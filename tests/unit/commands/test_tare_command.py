@@ -69,3 +69,15 @@ def test_few_frames_teach_no_noise(sole, tmp_path, capsys):
     assert main(["tare", sole[0], few, "-o", noise]) == 0
     assert "say nothing about the noise" in capsys.readouterr().err
     assert main(["show", noise]) == 0 and "noise     not known" in capsys.readouterr().out
+
+
+def test_row_without_all_channels_is_refused(sole, tmp_path, capsys):
+    """A cut row of a table, and a recording whose times are no numbers: one line, no traceback."""
+    path = tmp_path / "cut.csv"
+    names = ",".join(f"channel_{k}" for k in range(N))
+    path.write_text(f"time,{names}\n0{',1' * N}\n0.1{',1' * (N - 5)}\n")
+    assert main(["tare", sole[0], str(path)]) == 1
+    assert "cut.csv', readings at rest:" in capsys.readouterr().err
+    np.savez(tmp_path / "t.npz", time=np.full(30, np.nan), readings=np.zeros((30, N), int))
+    assert main(["tare", sole[0], str(tmp_path / "t.npz"), "--rest", "1"]) == 1
+    assert capsys.readouterr().err.count("\n") == 1

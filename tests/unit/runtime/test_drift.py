@@ -27,9 +27,9 @@ def rested(rng, **options):
     return skin
 
 
-def frames_of(skin, rng, newtons, start=10.0):
+def frames_of(skin, rng, newtons, start=10.0, period=PERIOD):
     """Return the frames of forces (frames, n)."""
-    return [skin.update(reading, start + PERIOD * k) for k, reading in enumerate(read(rng, newtons))]
+    return [skin.update(reading, start + period * k) for k, reading in enumerate(read(rng, newtons))]
 
 
 def seconds(duration):
@@ -248,3 +248,79 @@ def test_batch_follows_drift_and_creep_as_the_loop(whole, creep):
         if frame.problem is None:
             assert_allclose(batch.load[k], frame.load, rtol=1e-12, atol=1e-12)
     assert len(offsets) > 20
+
+
+REAR = sole_patch().taxels.positions_link[:, 0] < 0
+STANCES = {"in the air": np.zeros(N), "on its rear half": np.where(REAR, 40.0, 0.0)}
+
+
+def ones(period, duration):
+    """Return ones (frames, n) for a duration and a period [s]."""
+    return np.ones((round(duration / period), N))
+
+
+@pytest.mark.parametrize("period", [0.001, 0.004, 0.04])
+@pytest.mark.parametrize(("load", "duration", "grows"), [(15.0, 1.0, False), (10.0, 3.0, False), (15.0, 3.0, True)])
+def test_light_load_at_rest_is_no_drift_of_the_stance_after_it(load, duration, grows, period):
+    """Also a load that grows. While it is there nothing is guaranteed, and the frames say why."""
+    rng = np.random.default_rng(20)
+    light = load / N * ones(period, duration)
+    if grows:
+        light *= np.linspace(0, 1, len(light))[:, None]
+    skin = rested(rng)
+    frames = frames_of(skin, rng, np.concatenate((light, 855 / N * ones(period, 2.0))), period=period)
+    rest, stance = frames[: len(light)], frames[len(light) :]
+    assert all(f.polygon.guaranteed.kind == "empty" for f in rest)
+    assert all("drift" in f.flags or not f.stands for f in rest[-round(0.1 / period) :])
+    assert all(not f.flags and f.polygon.guaranteed.kind == "area" for f in stance)
+
+
+@pytest.mark.parametrize("period", [0.004, 0.04])
+@pytest.mark.parametrize("stance", STANCES)
+@pytest.mark.parametrize("sigmas", [1.0, 2.0, 4.0, -2.0])
+def test_drift_is_reported_within_a_second_and_makes_no_free_taxel_sure(sigmas, stance, period):
+    """Of all taxels, in one step; half a second after its end the report has ended, too."""
+    rng, forces = np.random.default_rng(21), STANCES[stance]
+    drift = np.concatenate([step * SIGMA * ones(period, 2.0) for step in (0, sigmas, 0)])
+    frames = frames_of(rested(rng), rng, forces + drift, period=period)
+    second = len(frames) // 6
+    is_drift = ["drift" in f.flags or (sigmas > 0 and not f.stands) for f in frames]
+    assert all(is_drift[3 * second : 4 * second])
+    assert not any("drift" in f.flags for f in frames[: 2 * second] + frames[4 * second + second // 2 :])
+    assert sum(np.count_nonzero(f.sets.sure & (forces == 0)) for f in frames) <= 1
+    assert all(f.flags <= {"drift"} for f in frames)
+
+
+def test_feet_that_step_have_no_drift_and_no_noise():
+    """At 40 ms, with loads from 0 to 700 N that roll over the sole."""
+    rng, time = np.random.default_rng(22), seconds(40)
+    x = sole_patch().taxels.positions_link[:, 0]
+    load, place = 700 * np.clip(0.5 + 0.6 * np.sin(np.pi * time), 0, 1), 0.06 * np.sin(0.7 * time)
+    forces = load / N * np.maximum(1 + 12 * place * x / np.ptp(x) ** 2, 0.0)
+    assert not any(f.flags for f in frames_of(rested(rng), rng, forces))
+
+
+@pytest.mark.parametrize("period", [0.004, 0.04])
+@pytest.mark.parametrize("stance", STANCES)
+@pytest.mark.parametrize("scale", [np.full(N, 3.0), np.where(np.arange(N) % 15 == 9, 4.0, 1.0)])
+def test_noise_that_grew_makes_no_free_taxel_sure(scale, stance, period):
+    """Three times as large on all taxels, or four times on three: they are not sure, and the others are as before."""
+    rng, forces = np.random.default_rng(23), STANCES[stance] * ones(period, 8.0)
+    skin = rested(rng)
+    readings = np.rint(REST + forces / NEWTONS + 2 * scale * rng.normal(size=forces.shape)).astype(int)
+    frames = [skin.update(reading, 10 + period * k) for k, reading in enumerate(readings)]
+    late = frames[3 * len(frames) // 4 :]
+    assert all("noisy" in f.flags for f in late)
+    assert not any((f.sets.sure & (forces[0] == 0) & (scale > 1)).any() for f in late)
+    assert all(f.sets.sure[(forces[0] > 0) & (scale == 1)].all() for f in late)
+
+
+def test_taxels_that_die_are_stuck_and_not_sure():
+    """One sends its reading at rest, one that of a load from before: both stay possibly touched."""
+    rng = np.random.default_rng(24)
+    skin = rested(rng)
+    readings = read(rng, 40.0 * (np.arange(N) < 8) * ones(PERIOD, 12.0))
+    readings[:, 30], readings[:, 20] = REST, 300
+    frame = [skin.update(reading, 10 + PERIOD * k) for k, reading in enumerate(readings)][-1]
+    assert frame.flags == {"stuck"} and frame.stuck.nonzero()[0].tolist() == [20, 30]
+    assert not frame.sets.sure[[20, 30]].any() and frame.sets.possible[[20, 30]].all() and frame.sets.sure[:8].all()

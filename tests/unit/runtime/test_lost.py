@@ -89,6 +89,17 @@ def test_half_a_foot_gives_no_point(where, is_masked):
     assert frame.reason.startswith(f"'left' may stand, but its contact is not known: {len(rows)} taxels")
 
 
+def test_outer_polygon_contains_what_is_lost():
+    """The toe carries all, and loses its readings: nothing else is touched, but the outer polygon has the toe."""
+    skin, _ = standing_sole()
+    toe = np.argsort(skin.positions[:, 0])[-12:]
+    reading = np.where(np.isin(np.arange(N), toe), 100.0, 0.0)
+    skin.update(reading, 0.0)
+    reading[toe] = np.nan
+    frame = skin.update(reading, 0.01)
+    assert frame.touched is None and all(frame.polygon.outer.margin(skin.ground.centres[k]) > 0 for k in toe)
+
+
 def test_what_no_neighbour_leads_to_may_carry_as_much_as_the_others():
     """One of two patches of a foot is lost from the start."""
     left = sole_patch((5, 6, 5))

@@ -83,14 +83,16 @@ def test_noise_of_free_taxels_moves_neither_load_nor_cop(cells, newtons, offset)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rest", ["tare", "frames"])
-@pytest.mark.parametrize("offset", [0.0, 4.0])
+@pytest.mark.parametrize(("rest", "offset"), [("tare", 0.0), ("tare", 4.0), ("frames", 0.0)])
 def test_statements_hold_under_noise(rest, offset):
-    """The guaranteed polygon is in the hull of the pressed cells, the outer one has all cells above the limit."""
+    """The guaranteed polygon is in the hull of the pressed cells, the outer one has all cells above the limit.
+
+    Noise of the first frames guarantees nothing: no contact has ended before.
+    """
     rng, skin, right, filled = np.random.default_rng(1), sole(), 0, 0
     at_rest = read(rng, FREE, frames=250, offset=offset)
     if rest == "tare":
-        skin.tare(at_rest)
+        skin.tare(at_rest, accept=True)
     else:
         for k, reading in enumerate(at_rest):
             frame = skin.update(reading, 0.004 * k)
@@ -106,8 +108,11 @@ def test_statements_hold_under_noise(rest, offset):
         filled += polygon.guaranteed.kind == "area"
         heavy = skin.ground.corners[forces > skin.noise.detection_limits].reshape(-1, 2)
         assert all(polygon.outer.margin(corner) > -1e-9 for corner in heavy)
-        assert polygon.guaranteed_probability == 1 - 3e-4 and 0.998 < polygon.outer_probability < 1
-    assert right >= 199 and filled >= 195
+        if rest == "tare":
+            assert polygon.guaranteed_probability == 1 - 3e-4 and 0.998 < polygon.outer_probability < 1
+        else:
+            assert "rest_assumed" in frame.flags
+    assert right >= 199 and filled >= 195 * (rest == "tare")
 
 
 def test_foot_in_the_air_has_no_contact():
@@ -617,3 +622,13 @@ def test_skewed_noise_raises_the_level_of_the_load(side):
     quantile = norm.isf(2e-4)
     expected = quantile + (quantile**2 - 1) * (side > 0) / 6
     assert_allclose(skin.noise.load_level, expected * 40 * NEWTONS * N, rtol=0.01)
+
+
+def test_silent_sensors_have_no_load_at_rest():
+    """Readings that never change: the rounding of their sum is no load, but two steps of the converter are."""
+    for seed in range(20):
+        rest = np.random.default_rng(seed).integers(0, 4000, N)
+        skin = sole(Response((0.0, 0.0123 + seed * 1e-4)))
+        skin.tare(np.tile(rest, (250, 1)), accept=True)
+        assert skin.update(rest, 0.0).touched is False
+        assert skin.update(rest + 9 * (np.arange(N) == seed), 0.01).touched

@@ -1,4 +1,4 @@
-"""What a skin learnt at rest is a file: another start gives the same frames; a wrong file changes nothing."""
+"""What a skin learned at rest is a file: another start gives the same frames; a wrong file changes nothing."""
 
 import json
 

@@ -134,7 +134,7 @@ def test_tare_under_a_load_is_refused_unless_it_is_accepted():
     assert sole().tare(noise).warnings == ()
 
 
-def test_even_load_at_the_start_is_not_learnt():
+def test_even_load_at_the_start_is_not_learned():
     """No taxel shows it, but the sum of all does."""
     rng = np.random.default_rng(5)
     for newtons, learns in ((0.0, True), (0.5, False), (1.0, False)):

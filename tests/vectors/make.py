@@ -1,0 +1,372 @@
+"""Write the golden vectors: files that the runtimes in Python and in C++ read, with the frames that both must give.
+
+    python -m tests.vectors.make
+
+`tests/unit/runtime/test_vectors.py` compares the runtime in Python with the files, `cpp/tests/vectors.cpp` that in C++.
+Write them again only for an intended change of results. A frame has what the first stage of the C++ runtime computes:
+faults are not in it, and the guaranteed polygon is that without faults.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from skin_calib_addon.calibration import LinkCalibration, Response, ResponseTable
+from skin_calib_addon.calibration.file import load_calibration, save_calibration
+from skin_calib_addon.runtime import Body, BodyFrame, Frame, Plane, Skin
+from skin_calib_addon.runtime.drift import Drift
+from skin_calib_addon.runtime.noise import Noise
+from tests.samples import plane, small_calibration
+from tests.soles import cell_patch, sole_patch
+
+FOLDER = Path(__file__).parent
+# Flags that both runtimes set.
+WATCHED = frozenset(
+    (
+        "wrong_length",
+        "not_finite",
+        "too_large",
+        "blind",
+        "saturated",
+        "noise_unknown",
+        "dead",
+        "time_not_finite",
+        "time_still",
+        "time_back",
+        "time_jump",
+        "dropped",
+        "lost",
+        "overload",
+        "not_coplanar",
+    )
+)
+
+
+class Unwatched(Drift):
+    """Drift and noise that nobody watches, as in the first stage of the C++ runtime."""
+
+    def add(self, noise: Noise, signed: np.ndarray, time: float) -> None:
+        """Forget the frame."""
+
+
+SMALL = (3, 4, 3, 4, 3)  # boards in the rows of a small sole
+RING = ((-1, -1), (1, -1), (1, 1), (-1, 1))  # corners of a square
+TABLE = ResponseTable((0.0, 100.0, 1000.0, 4095.0), (0.0, 1.0, 8.0, 40.0))
+FALLING = ResponseTable((200.0, 900.0, 2000.0, 3000.0), (30.0, 9.0, 2.0, 0.0))
+QUADRATIC = Response((0.0, 0.005, 1e-6), (0.0, 4095.0))
+INVERTED = Response((30.0, -0.01), (0.0, 3000.0))
+
+
+def mixed_sole() -> LinkCalibration:
+    """Return a sole with a response of each kind; readings of some taxels fall with the force."""
+    patch = sole_patch(SMALL)
+    kinds = (TABLE, FALLING, QUADRATIC, INVERTED)
+    taxels = replace(patch.taxels, responses=np.arange(len(patch.taxels.ids)) % len(kinds))
+    return small_calibration(
+        link="mixed", patches=(replace(patch, taxels=taxels),), surfaces=(plane(),), response=TABLE, responses=kinds
+    )
+
+
+def curved_sole() -> LinkCalibration:
+    """Return a sole whose rows rise at both ends as a rocker; its last rows cannot stand."""
+    rows, columns, pitch, radius = 7, 4, 0.012, 0.035
+    row, column = (a.ravel() for a in np.indices((rows, columns)))
+    angle = (row - (rows - 1) / 2) * pitch / radius
+    normals = np.column_stack((np.sin(angle), 0 * angle, -np.cos(angle)))
+    along = np.column_stack((np.cos(angle), 0 * angle, np.sin(angle)))
+    positions = radius * normals + np.column_stack((0 * angle, column * pitch, 0 * angle + 0.01))
+    across = np.cross(normals, along)
+    corners = positions[:, None] + pitch / 2 * np.stack([i * along + j * across for i, j in RING], axis=1)
+    patch = cell_patch(positions, normals, corners, radius=0.0145)
+    return small_calibration(link="rocker", patches=(patch,), surfaces=(plane(),), response=Response((0.0, 0.01, 1e-6)))
+
+
+def sole(rows: tuple[int, ...], link: str, max_load: float | None = None) -> LinkCalibration:
+    """Return a flat sole of hexagons with a linear response, and the largest plausible load [N] or None."""
+    patch = replace(sole_patch(rows), max_load=max_load)
+    return small_calibration(link=link, patches=(patch,), surfaces=(plane(),), response=Response((0.0, 0.02)))
+
+
+def forearm() -> LinkCalibration:
+    """Return a sheet around a cylinder and two boards; their readings have a parabola as response."""
+    return small_calibration(5, 6, response=Response((0.0, 0.01, 1e-6), (0.0, 4095.0)))
+
+
+CALIBRATIONS = {
+    "sole": partial(sole, (8, 9, 8, 9, 8), "sole"),
+    "small": partial(sole, SMALL, "left"),
+    "right": partial(sole, (5, 4, 3, 2), "right", 120.0),
+    "mixed": mixed_sole,
+    "rocker": curved_sole,
+    "forearm": forearm,
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One skin, its options and its readings."""
+
+    calibration: str
+    options: dict
+    sigma: float | None = None  # [counts] of the noise that the skin has learned; None: it knows no noise
+    frames: int = 16
+    trouble: bool = False  # whether readings and times are wrong now and then
+    lost: bool = False  # whether some taxels lose their readings, and time jumps
+
+
+CASES = {
+    "thresholds": Case("sole", {"switch_on": 0.2, "switch_off": 0.1}, frames=8),
+    "noise": Case("sole", {}, 2.0, frames=12),
+    "clipped": Case("small", {}, 0.6),
+    "in_cell": Case("small", {"in_cell": True}, 2.0),
+    "creep": Case("small", {"creep": [0.1, 0.05]}, 2.0),
+    "responses": Case("mixed", {"switch_on": 0.5}),
+    "responses_noise": Case("mixed", {}, 2.0, trouble=True),
+    "curved": Case("forearm", {"switch_off": 0.3}),
+    "curved_noise": Case("forearm", {}, 1.5, trouble=True),
+    "rocker": Case("rocker", {"ground": {"point": [0, 0, -0.025], "up": [0.1, 0, 1]}}, 2.0),
+    "trouble": Case("small", {"switch_on": 0.2}, trouble=True, frames=24),
+    "trouble_noise": Case("small", {}, 2.0, trouble=True, frames=24),
+    "lost": Case("small", {}, 2.0, lost=True, frames=24),
+    "lost_thresholds": Case("small", {"switch_on": 0.5}, lost=True),
+    "overload": Case("right", {}, 2.0),
+    "stated_and_noise": Case("small", {"switch_on": 1.0}, 2.0),
+    "noise_unknown": Case("small", {}, frames=8),
+}
+
+
+def skin_of(calibration: LinkCalibration, options: dict) -> Skin:
+    """Return a skin with the options of a file; its baseline does not move."""
+    options = dict(options)
+    if "ground" in options:
+        options["ground"] = Plane.through(options["ground"]["point"], options["ground"]["up"])
+    skin = Skin(calibration, **options, follow_drift=False)
+    skin._readings._new_drift = partial(Unwatched, skin.geometry.neighbours, False)
+    skin._readings.drift = skin._readings._new_drift()
+    skin._faults._stuck = lambda *_: np.zeros(len(skin.ids), bool)
+    return skin
+
+
+def rest_counts(skin: Skin) -> np.ndarray:
+    """Return readings without force (channels,)."""
+    counts = np.zeros(skin.reading_length)
+    counts[skin.channels] = skin._readings.responses.rest
+    return counts
+
+
+def loaded_counts(skin: Skin, pressed: np.ndarray) -> np.ndarray:
+    """Return readings of pressed taxels (n,), for pressures from 0 to 1 of their range."""
+    counts = rest_counts(skin)
+    full = skin._readings.responses.full
+    span = np.where(np.isfinite(full), full, 2000.0) - skin._readings.responses.rest
+    counts[skin.channels] += span * pressed
+    return counts
+
+
+def readings_of(skin: Skin, case: Case, rng: np.random.Generator) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield times and readings: a contact that moves over the skin, then nothing, then a weak even load."""
+    n, time = len(skin.ids), 0.0
+    for k in range(case.frames):
+        centre = skin.positions[(3 * k) % n]
+        near = np.exp(-(((skin.positions - centre) ** 2).sum(axis=1)) / 0.02**2)
+        pressed = {5: np.zeros(n), 6: np.full(n, 0.004), 7: np.full(n, 0.3)}.get(k % 8, 0.3 * near)
+        counts = loaded_counts(skin, pressed) + rng.normal(0, case.sigma or 0.0, skin.reading_length)
+        counts = np.clip(np.rint(counts), 0, 4095)
+        time += 0.004
+        if case.lost and k % 8 >= 3:
+            counts[[2, 3, 7, 8] if k < 16 else slice(k - 12)] = np.nan
+            time += 2.0 * (k == 5)
+        if case.trouble:
+            wrong = rng.integers(12)
+            if wrong < 3:
+                counts[rng.integers(len(counts))] = (np.nan, np.inf, 1e6)[wrong]
+            time += {3: -1.0, 4: 2.0, 5: -0.004, 6: 0.1}.get(wrong, 0.0)
+            if wrong == 7:
+                counts = counts[:-1]
+            if wrong == 8:
+                counts[:] = np.nan
+        yield (float("nan") if case.trouble and k == 13 else time), counts
+
+
+def record(frame: Frame) -> dict:
+    """Return what both runtimes compute of a frame."""
+    sets, found = frame.sets, replace(frame, flags=frame.flags & {"overload"})
+    polygon = found.polygon
+    return {
+        "flags": sorted(frame.flags & WATCHED),
+        "touched": frame.touched,
+        "known": frame.known,
+        "forces": frame.forces,
+        "stands": None if sets is None else sets.stands,
+        "active": frame.active,
+        "sure": np.zeros(len(frame.forces), bool) if sets is None or sets.sure is None else sets.sure,
+        "possible": np.zeros(len(frame.forces), bool) if sets is None else sets.possible,
+        "contacts": [
+            {
+                "number": c.number,
+                "taxels": c.taxels,
+                "force": c.force,
+                "wrench": c.wrench,
+                "position": c.position,
+                "normal": c.normal,
+                "area": c.area,
+                "peak_pressure": c.peak_pressure,
+            }
+            for c in frame.contacts
+        ],
+        "size": 0.0 if frame.pushes is None else float(np.abs(frame.pushes).sum()),  # [N] that rounding scales with
+        "wrench": frame.wrench if frame.problem is None else None,
+        "load": frame.load if frame.problem is None else None,
+        "is_standing": frame.stands,
+        "cop": frame.cop,
+        "zmp": frame.zmp,
+        "wrench_sigma": frame.wrench_sigma,
+        "force_sigmas": frame.force_sigmas,
+        "load_sigma": frame.load_sigma,
+        "cop_sigma": frame.cop_sigma,
+        "zmp_sigma": frame.zmp_sigma,
+        **record_polygon(polygon),
+    }
+
+
+def record_polygon(polygon) -> dict:
+    """Return the corners of three polygons, and their probabilities."""
+    kinds = ("outer", "nominal", "guaranteed")
+    return {
+        **{kind: None if polygon is None else getattr(polygon, kind).corners for kind in kinds},
+        "outer_probability": None if polygon is None else polygon.outer_probability,
+        "guaranteed_probability": None if polygon is None else polygon.guaranteed_probability,
+    }
+
+
+def record_body(frame: BodyFrame) -> dict:
+    """Return what both runtimes compute of the frame of a body."""
+    without = {name: replace(link, flags=link.flags & {"overload"}) for name, link in frame.links.items()}
+    found = replace(frame, links=without)
+    return {
+        "flags": sorted(f for f in frame.flags if f.partition(":")[2] in BODY_FLAGS or f in BODY_FLAGS),
+        "lost": sorted(frame.lost),
+        "standing": sorted(frame.standing),
+        "wrench": frame.wrench,
+        "cop": frame.cop,
+        "zmp": frame.zmp,
+        "cop_sigma": frame.cop_sigma,
+        "zmp_sigma": frame.zmp_sigma,
+        **record_polygon(found.polygon),
+    }
+
+
+BODY_FLAGS = WATCHED | {"no_reading", "no_pose", "wrong_pose"}
+
+
+def compact(value):
+    """Return a value for JSON: sets as text, lists of numbers, null for NaN, "inf" for infinite numbers."""
+    if isinstance(value, dict):
+        return {name: compact(x) for name, x in value.items()}
+    if isinstance(value, np.ndarray) and value.dtype == bool:
+        return "".join("01"[int(x)] for x in value)
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [compact(x) for x in value]
+    if isinstance(value, np.generic):
+        return compact(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None if np.isnan(value) else str(value)
+    return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 2**53 else value
+
+
+def expanded(value) -> np.ndarray:
+    """Return readings of a file as numbers."""
+    return np.array([np.nan if x is None else float(x) for x in value])
+
+
+def write_noise(skin: Skin, sigma: float, rng: np.random.Generator, path: Path) -> None:
+    """Write what a skin learns from 250 frames without contact."""
+    rows = rest_counts(skin) + rng.normal(0, sigma, (250, skin.reading_length))
+    skin.tare(np.clip(np.rint(rows), 0, 4095).astype(np.uint16), accept=True)
+    skin.save_noise(path)
+
+
+def write_case(name: str, case: Case) -> None:
+    """Write the noise, the readings and the frames of a case."""
+    rng = np.random.default_rng(len(name))
+    calibration = load_calibration(FOLDER / f"{case.calibration}.calibration.json")
+    skin, noise = skin_of(calibration, case.options), None
+    if case.sigma is not None:
+        noise = f"{name}.noise.json"
+        write_noise(skin, case.sigma, rng, FOLDER / noise)
+    frames = []
+    for k, (time, readings) in enumerate(readings_of(skin, case, rng)):
+        frame = {"time": time, "readings": readings}
+        if case.trouble and k in (10, 18):
+            frame["mask"] = [skin.ids[2], skin.ids[5]] if k == 10 else []
+            skin.mask(frame["mask"])
+        frames.append(compact({**frame, "frame": record(skin.update(readings, time))}))
+    head = {"calibration": f"{case.calibration}.calibration.json", "noise": noise, "options": case.options}
+    write(name, head, frames)
+
+
+def write(name: str, head: dict, frames: list) -> None:
+    """Write a case: one line for its head, and one for each frame."""
+    lines = ",\n".join(json.dumps(frame, separators=(",", ":")) for frame in frames)
+    (FOLDER / f"{name}.case.json").write_text(json.dumps(head)[:-1] + ', "frames": [\n' + lines + "\n]}\n")
+
+
+def write_body() -> None:
+    """Write two feet that stand, walk, and lose readings and poses."""
+    rng = np.random.default_rng(1)
+    names = {"left": "small", "right": "right"}
+    calibrations = {name: load_calibration(FOLDER / f"{file}.calibration.json") for name, file in names.items()}
+    skins, links = {}, []
+    for name, calibration in calibrations.items():
+        skins[name] = skin_of(calibration, {})
+        write_noise(skins[name], 2.0, rng, FOLDER / f"body_{name}.noise.json")
+        links.append(
+            {"name": name, "calibration": f"{names[name]}.calibration.json", "noise": f"body_{name}.noise.json"}
+        )
+    body, frames = Body(skins), []
+    for k in range(24):
+        readings, poses = {}, {}
+        for side, (name, skin) in enumerate(skins.items()):
+            load = (0.3 + 0.002 * k) * ((k // 4 + side) % 3 > 0)
+            pressed = load * (1 + 4 * skin.positions[:, 0] * np.cos(k))
+            counts = loaded_counts(skin, pressed) + rng.normal(0, 2.0, skin.reading_length)
+            readings[name] = np.clip(np.rint(counts), 0, 4095)
+            pose = np.eye(4)
+            angle = 0.1 * k * (side + 1)
+            pose[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+            pose[:3, 3] = 0.05 * k, 0.1 - 0.2 * side, 0.02 * (k == 17) * side
+            poses[name] = pose
+        if k == 5:
+            del readings["left"]
+        if k == 6:
+            del poses["right"]
+        if k == 7:
+            poses["left"][0, 0] *= 1.01
+        if k == 8:
+            readings["right"][:] = np.nan
+        if k == 18:
+            tilt = 0.1
+            poses["left"][:3, :3] = [[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]]
+        if k == 11:
+            poses["left"][1, 3] = np.nan
+        time = 0.004 * (k + 1)
+        frame = record_body(body.update(readings, time, poses))
+        frames.append(compact({"time": time, "readings": readings, "poses": poses, "frame": frame}))
+    write("body", {"links": links}, frames)
+
+
+def main() -> None:
+    """Write all files."""
+    for name, make in CALIBRATIONS.items():
+        save_calibration(make(), FOLDER / f"{name}.calibration.json")
+    for name, case in CASES.items():
+        write_case(name, case)
+    write_body()
+
+
+if __name__ == "__main__":
+    main()
