@@ -27,8 +27,8 @@ IMPORT = "import bpy; bpy.ops.skin_calib.import_plan(filepath={!r})"  # a statem
 def add(parser: argparse.ArgumentParser) -> None:
     """Define the command."""
     parser.description = (
-        "The skin is on a surface that propose finds, at the point of the outside of the link nearest to the given one. "
-        "If it does not fit there, no plan is written, and the nearest place where it fits is printed."
+        "The skin is on a surface that propose finds, at the point of the link nearest to the given one. If it does not "
+        "fit there, no plan is written, and the nearest place where it fits is printed."
     )
     parser.add_argument("mesh", nargs="?", type=named_path, metavar="MESH", help="mesh of the link")
     parser.add_argument("--on", metavar="URDF:LINK", type=_on, help="link of a robot, instead of MESH")
@@ -166,14 +166,11 @@ def _refuse(
     options: argparse.Namespace, link: LinkSurfaces, choice: SkinChoice, boards: int | None, placed: Placement
 ) -> int:
     """Print why a skin does not fit, and the call for the nearest place where it does."""
-    template, spot = choice.template, placed.spot
-    found = nearest_place(link, template, boards, spot)
-    words = "The nearest place where it fits"
-    if found is None:
-        for template, boards in smaller(template, boards):
-            if found := nearest_place(link, template, boards, spot):
-                words = "It fits nowhere that was tried on this link. A smaller one fits"
-                break
+    spot, words = placed.spot, "The nearest place where it fits"
+    for template, number in smaller(choice.template, boards):
+        if found := nearest_place(link, template, number, spot):
+            break
+        words = "It fits nowhere that was tried on this link. A smaller one fits"
     complain(
         f"{choice.text} does not fit at {millimetres(spot.point)}, the point of the mesh {spot.distance * 1e3:.1f} mm "
         f"from the given one: {placed.problem}"
@@ -182,7 +179,7 @@ def _refuse(
         away = float(np.linalg.norm(np.subtract(found.spot.point, spot.point)))
         angle = np.degrees(np.arccos(np.clip(np.dot(found.spot.direction, spot.direction), -1, 1)))
         turned = f", turned by {angle:.0f} degrees" if angle > 1 else ""
-        complain(f"{words} {away * 1e3:.1f} mm from there{turned}: {_command(options, template, boards, found)}")
+        complain(f"{words} {away * 1e3:.1f} mm from there{turned}: {_command(options, template, number, found)}")
     else:
         complain("It fits nowhere that was tried on this link. Choose a smaller skin, or another place.")
     if options.picture:
@@ -190,9 +187,7 @@ def _refuse(
     return WRONG_DATA
 
 
-def _command(
-    options: argparse.Namespace, template: SheetSkin | BoardSkin, boards: int | None, found: Placement
-) -> str:
+def _command(options: argparse.Namespace, template: SheetSkin | BoardSkin, boards: int | None, found: Placement) -> str:
     """Return the call that places a skin where it fits."""
     words = ["--on", ":".join(map(str, options.on))] if options.on else [str(options.mesh)]
     if isinstance(template, SheetSkin):

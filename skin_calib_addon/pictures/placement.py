@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from textwrap import wrap
+from typing import Any
 
 import numpy as np
 
@@ -24,11 +25,14 @@ def draw_placement(mesh: TriangleMesh, placed: Placement, nearest: Placement | N
     spot = placed.spot
     along = tangential(np.array([spot.direction]), spot.normal[None])[0]
     camera = look_at(spot.normal[None], np.cross(spot.normal, along) if along.any() else spot.normal)
-    layers = [(mesh.triangles, mesh.face_normals, PLAIN, (0.45, 0.47, 0.5, 0.35))]
+    layers: list[Any] = [(mesh.triangles, mesh.face_normals, PLAIN, (0.45, 0.47, 0.5, 0.35))]
     if placed.proposed is not None:
         layers.append(_surface_layer(placed))
-    layers += [(c, _normals(c), colour, "white") for cells, colour in ((placed.on, FITS), (placed.off, OFF))
-               if len(c := _near(cells, mesh))]
+    layers += [
+        (c, _normals(c), colour, "white")
+        for cells, colour in ((placed.on, FITS), (placed.off, OFF))
+        if len(c := _near(cells, mesh))
+    ]
     paint(axis, camera, layers)
     if placed.proposed is not None:
         _draw_planes(axis, camera, placed)
@@ -69,7 +73,7 @@ def _near(cells: Array, mesh: TriangleMesh) -> Array:
     return cells[((cells > low - BEYOND * mesh.size) & (cells < high + BEYOND * mesh.size)).all(axis=(1, 2))]
 
 
-def _draw_planes(axis: object, camera: Camera, placed: Placement) -> None:
+def _draw_planes(axis: Any, camera: Camera, placed: Placement) -> None:
     """Draw the lines of control points in each plane, where they face the viewer."""
     from matplotlib.collections import LineCollection
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -265,22 +266,20 @@ def _joined(skin: BoardSkin, taxels: TaxelArray, kept: BoolArray, root: int) -> 
     return rows[np.argsort(distances.round(DECIMALS), kind="stable")]
 
 
-def nearest_place(link: LinkSurfaces, template: SheetSkin | BoardSkin, count: int | None, spot: Spot) -> Placement | None:
+def nearest_place(
+    link: LinkSurfaces, template: SheetSkin | BoardSkin, count: int | None, spot: Spot
+) -> Placement | None:
     """Return the placement that fits with the least movement of its cells from a place; None if none is found.
 
     Other points of the surfaces are tried, and for sheets other directions. The numbers are rounded before.
     """
-    tries = 0
-    for proposed, point, direction in _places(link, template, spot):
+    for proposed, point, direction in islice(_places(link, template, spot), MAX_TRIES):
         near = link.spot(np.round(point, AT_DECIMALS), np.round(direction, AT_DECIMALS - 1))
         if not _place_on(link, proposed, template, count, near).problem:
             # The author repeats the command with this place, where another surface can be nearer.
             found = place_at(link, template, count, near)
             if not found.problem:
                 return found
-        tries += 1
-        if tries == MAX_TRIES:
-            break
     return None
 
 
@@ -357,7 +356,8 @@ def _carried(carrier: Carrier, uv: Array, along: Array, lattice: SheetLattice) -
 
 
 def smaller(template: SheetSkin | BoardSkin, count: int | None) -> Iterator[tuple[SheetSkin | BoardSkin, int | None]]:
-    """Yield smaller and smaller sheets, or fewer and fewer boards."""
+    """Yield a sheet and smaller and smaller ones, or a number of boards and fewer and fewer."""
+    yield template, count
     while isinstance(template, SheetSkin) and template.lattice.rows * template.lattice.columns > 1:
         rows, columns = (max(1, int(SMALLER * n)) for n in (template.lattice.rows, template.lattice.columns))
         template = replace(template, lattice=replace(template.lattice, rows=rows, columns=columns))

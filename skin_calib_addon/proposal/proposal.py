@@ -215,8 +215,7 @@ class _Target:
         fits: dict[str, SurfaceFit] = {}
         for proposed, skin, kept, areas in _without_conflicts(self.mesh, self.on, placed):
             if not kept.any():
-                cells = "boards" if isinstance(skin, BoardSkin) else "cells"
-                problems[proposed.surface.name] = f"its {cells} are hidden, or over other {cells}"
+                problems[proposed.surface.name] = "its cells are hidden, or over those of others"
                 reasons.append(_left_out(proposed, problems[proposed.surface.name]))
                 continue
             surfaces.append(proposed.surface)
