@@ -27,9 +27,10 @@ IMPORT = "import bpy; bpy.ops.skin_calib.import_plan(filepath={!r})"  # a statem
 def add(parser: argparse.ArgumentParser) -> None:
     """Define the command."""
     parser.description = (
-        "The skin is on a surface that propose finds, at the point of the link nearest to the given one. If it does not "
-        "fit there, no plan is written, and the nearest place where it fits is printed."
+        "The skin is on a surface that propose finds, at the point of the link nearest to the given one. If it does "
+        "not fit there, no plan is written, and the nearest place where it fits is printed."
     )
+    parser._negative_number_matcher = re.compile(r"-\.?\d.*")  # a value such as -10,0,5 is not an option
     parser.add_argument("mesh", nargs="?", type=named_path, metavar="MESH", help="mesh of the link")
     parser.add_argument("--on", metavar="URDF:LINK", type=_on, help="link of a robot, instead of MESH")
     kind = parser.add_mutually_exclusive_group(required=True)
@@ -79,12 +80,17 @@ def _sheet(text: str) -> SkinChoice:
         ) from None
 
 
+def _numbers(text: str, example: str) -> Array:
+    """Parse three numbers with commas."""
+    numbers = [float(word) if re.fullmatch(NUMBER, word.strip()) else np.nan for word in text.split(",")]
+    if len(numbers) != 3 or not np.isfinite(numbers).all():
+        raise argparse.ArgumentTypeError(f"{text!r} is not three numbers. Write them with commas, such as {example}")
+    return np.array(numbers)
+
+
 def _vector(text: str) -> Array:
     """Parse a direction (3,)."""
-    words = text.split(",")
-    if len(words) != 3 or not all(re.fullmatch(NUMBER, word.strip()) for word in words):
-        raise argparse.ArgumentTypeError(f"{text!r} is not three numbers. Write them with commas, such as 0,-1,0.5")
-    vector = np.array(words, float)
+    vector = _numbers(text, "0,-1,0.5")
     if not MIN_DIRECTION_LENGTH < np.linalg.norm(vector) < np.inf:
         raise argparse.ArgumentTypeError(f"{text!r} is not a direction: its length is zero or infinite")
     return vector / np.linalg.norm(vector)
@@ -92,13 +98,10 @@ def _vector(text: str) -> Array:
 
 def _at(text: str) -> tuple[Array, str]:
     """Parse a point (3,), and its unit; it is empty for that of the mesh."""
-    numbers, unit = text, ""
-    if found := re.fullmatch(rf"(.*\d\.?)\s*({'|'.join(METRES_PER_UNIT)})", text):
-        numbers, unit = found.groups()
-    words = numbers.split(",")
-    if len(words) != 3 or not all(re.fullmatch(NUMBER, word.strip()) for word in words):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a point. Write it with commas, such as 10,-20,35.5mm")
-    return np.array(words, float), unit
+    unit = text.lstrip("+-.,0123456789eE ")
+    if unit and unit not in METRES_PER_UNIT:
+        raise argparse.ArgumentTypeError(f"{unit!r} is not a unit of length. Use {', '.join(METRES_PER_UNIT)}")
+    return _numbers(text.removesuffix(unit), "10,-20,35.5mm"), unit
 
 
 def run(options: argparse.Namespace) -> int:
@@ -166,11 +169,11 @@ def _refuse(
     options: argparse.Namespace, link: LinkSurfaces, choice: SkinChoice, boards: int | None, placed: Placement
 ) -> int:
     """Print why a skin does not fit, and the call for the nearest place where it does."""
-    spot, words = placed.spot, "The nearest place where it fits"
+    spot, words = placed.spot, "The nearest place where it fits is"
     for template, number in smaller(choice.template, boards):
         if found := nearest_place(link, template, number, spot):
             break
-        words = "It fits nowhere that was tried on this link. A smaller one fits"
+        words = "It fits nowhere that was tried on this link. The nearest place of a smaller one is"
     complain(
         f"{choice.text} does not fit at {millimetres(spot.point)}, the point of the mesh {spot.distance * 1e3:.1f} mm "
         f"from the given one: {placed.problem}"

@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from ..common.arrays import Array, tangential, unit
+from ..common.arrays import Array, BoolArray, tangential, unit
 from ..common.errors import millimetres
+from ..geometry.mesh.distance import closest
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..proposal.one_skin import Placement
 from .calibration import PLAIN, Camera, blank, look_at, paint, save_png
 
 SURFACE, FITS, OFF, NEAREST = (0.62, 0.75, 0.90), (0.0, 0.62, 0.45), (0.84, 0.37, 0.0), "#0072b2"  # colours
 PLANE_COLOUR = (0.25, 0.3, 0.4, 0.6)
-BEYOND = 0.3  # of the size of the link, farther beyond which a cell is not drawn. Larger: the link is smaller
+FAR = 0.1  # of the size of the link: what is farther from it is not drawn. Larger: the link is smaller
 WRAP_WIDTH = 110  # characters of a line of text. Larger: text is cut off
 
 
@@ -31,11 +32,11 @@ def draw_placement(mesh: TriangleMesh, placed: Placement, nearest: Placement | N
     layers += [
         (c, _normals(c), colour, "white")
         for cells, colour in ((placed.on, FITS), (placed.off, OFF))
-        if len(c := _near(cells, mesh))
+        if len(c := cells[_is_near(cells, mesh).all(axis=1)])
     ]
     paint(axis, camera, layers)
     if placed.proposed is not None:
-        _draw_planes(axis, camera, placed)
+        _draw_planes(axis, camera, placed, mesh)
     notes = [f"{millimetres(spot.point)}: {placed.problem or 'the skin fits'}"]
     if nearest is not None:
         for outline in nearest.on:
@@ -44,7 +45,10 @@ def draw_placement(mesh: TriangleMesh, placed: Placement, nearest: Placement | N
         notes.append(f"blue outlines: it fits at {millimetres(nearest.spot.point)}")
     x, y = 1e3 * camera.project(np.array(spot.point))[:2]
     axis.plot(x, y, "k+", markersize=14, markeredgewidth=2)
-    axis.set_title("cross: the point; green: cells that fit; orange: cells that do not; lines: planes", fontsize=9)
+    axis.set_title(
+        "cross: the point; light blue: its surface; lines: planes; green: cells that fit; orange: cells that do not",
+        fontsize=9,
+    )
     lines = [line for note in notes for line in wrap(note, WRAP_WIDTH)]
     figure.text(0.02, 0.02, "\n".join(lines), size=8, va="bottom")
     save_png(figure, path)
@@ -67,18 +71,19 @@ def _normals(polygons: Array) -> Array:
     return unit(np.cross(polygons[:, 1] - polygons[:, 0], polygons[:, 2] - polygons[:, 0]))
 
 
-def _near(cells: Array, mesh: TriangleMesh) -> Array:
-    """Return the cells that are near the link: others are on an extrapolated surface."""
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    return cells[((cells > low - BEYOND * mesh.size) & (cells < high + BEYOND * mesh.size)).all(axis=(1, 2))]
+def _is_near(points: Array, mesh: TriangleMesh) -> BoolArray:
+    """Return which points (..., 3) are near the link: others are on an extrapolated surface."""
+    return (closest(mesh, points.reshape(-1, 3))[0] < FAR * mesh.size).reshape(points.shape[:-1])
 
 
-def _draw_planes(axis: Any, camera: Camera, placed: Placement) -> None:
+def _draw_planes(axis: Any, camera: Camera, placed: Placement, mesh: TriangleMesh) -> None:
     """Draw the lines of control points in each plane, where they face the viewer."""
     from matplotlib.collections import LineCollection
 
     assert placed.proposed is not None
     fit = placed.proposed.fit
     net, facing = fit.surface.control_net, fit.lines.directions @ camera.axes[2] > 0
+    more = [(0, n - k) for n, k in zip(net.shape, facing.shape)]  # a closed surface repeats its first control points
+    facing = np.pad(facing, more, mode="wrap") & _is_near(net, mesh)
     points = 1e3 * np.where(facing[..., None], camera.project(net), np.nan)[..., :2]
     axis.add_collection(LineCollection([*points, *points.swapaxes(0, 1)], colors=[PLANE_COLOUR], linewidths=0.5))

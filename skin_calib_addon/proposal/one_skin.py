@@ -271,8 +271,12 @@ def nearest_place(
 ) -> Placement | None:
     """Return the placement that fits with the least movement of its cells from a place; None if none is found.
 
-    Other points of the surfaces are tried, and for sheets other directions. The numbers are rounded before.
+    The place itself is tried first, then other points of the surfaces, and for sheets other directions. The numbers are
+    rounded before.
     """
+    here = place_at(link, template, count, link.spot(np.round(spot.point, AT_DECIMALS), np.array(spot.direction)))
+    if not here.problem:
+        return here
     for proposed, point, direction in islice(_places(link, template, spot), MAX_TRIES):
         near = link.spot(np.round(point, AT_DECIMALS), np.round(direction, AT_DECIMALS - 1))
         if not _place_on(link, proposed, template, count, near).problem:
