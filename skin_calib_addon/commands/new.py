@@ -11,6 +11,7 @@ import numpy as np
 
 from ..common.arrays import MIN_DIRECTION_LENGTH, Array
 from ..common.errors import InvalidMesh, SkinCalibError, counted, millimetres
+from ..geometry.blas_threads import one_blas_thread
 from ..geometry.mesh.triangle_mesh import METRES_PER_UNIT
 from ..plan import named_from, save_plan
 from ..plan.skins import BoardSkin, SheetSkin
@@ -104,6 +105,7 @@ def _at(text: str) -> tuple[Array, str]:
     return _numbers(text.removesuffix(unit), "10,-20,35.5mm"), unit
 
 
+@one_blas_thread()
 def run(options: argparse.Namespace) -> int:
     """Write the plan, or print where the skin fits."""
     if (options.mesh is None) == (options.on is None):
