@@ -18,7 +18,8 @@ from tests.shapes import RADIUS, cylinder
 SHEET = ("--sheet", "3x5x10mm")
 AT, ALONG = ("--at", "-35,0,50mm"), ("--along", "0,1,0")
 END = ("--at", "35,0,5mm")  # a sheet of three rows protrudes there
-URDF = """<robot name="r"><link name="arm"><visual><geometry><mesh filename="tube.ply"/></geometry></visual></link></robot>"""
+MESH = '<visual><geometry><mesh filename="tube.ply"/></geometry></visual>'
+URDF = f'<robot name="r"><link name="arm">{MESH}</link></robot>'
 
 
 @pytest.fixture
@@ -63,8 +64,8 @@ def test_skin_is_at_the_place(tube, capsys, words, count, middle):
     "words",
     [
         (*SHEET, *END),
-        pytest.param(("--hexagons", "8mm", "120", *AT), marks=slow),
-        pytest.param(("--sheet", "3x30x10mm", *AT), marks=slow),
+        slow(("--hexagons", "8mm", "120", *AT)),
+        slow(("--sheet", "3x30x10mm", *AT)),
     ],
 )
 def test_command_of_a_refusal_works(tube, capsys, words):
