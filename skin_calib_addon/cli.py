@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 COMMANDS = {
     "fit": ("fit", "calculate calibration files from plans"),
     "propose": ("propose", "propose a plan for each link of a robot, or for one mesh"),
+    "new": ("new", "write a plan with one skin at one place of a link"),
     "check": ("check", "validate calibrations and plans, and compare calibrations with their meshes"),
     "show": ("show", "print table and warnings of a calibration or of the links of a robot, and draw a picture"),
     "export": ("export", "write the taxels of a calibration for another program"),

@@ -79,7 +79,7 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
         left, width = i / len(panels), 1 / len(panels)
         axis = figure.add_axes((left + 0.02 * width, low + 0.01 * scale, 0.76 * width, 0.9 * scale))
         axis.set_title(panel.title)
-        _paint(axis, camera, panel.layers)
+        paint(axis, camera, panel.layers)
         if panel is panels[-1]:
             _decorate(axis, camera, calibration)
         if panel.colours:
@@ -199,7 +199,7 @@ def _decorate(axis: Any, camera: Camera, calibration: LinkCalibration) -> None:
             axis.text(x, y, str(number), size=7, ha="center", va="center", color=NOTE_COLOUR)
 
 
-def _paint(axis: Any, camera: Camera, layers: list[Any]) -> None:
+def paint(axis: Any, camera: Camera, layers: list[Any]) -> None:
     """Draw layers of polygons (k, c, 3) with their normals and colours.
 
     Faces that point away are drawn first. Then the layers follow in order, each from far to near. The depths of a cell

@@ -124,9 +124,14 @@ def place_skin(skin: Skin, fit: SurfaceFit, first_channel: int) -> PlacedSkin:
 
 
 def sheet_on(
-    skin: SheetSkin, fit: SurfaceFit, surface: BSplineSurface, near: WrappedSheet | None = None, preview: bool = False
+    skin: SheetSkin,
+    fit: SurfaceFit,
+    surface: BSplineSurface,
+    near: WrappedSheet | None = None,
+    preview: bool = False,
+    max_angle: float = MAX_ANGLE,
 ) -> WrappedSheet:
-    """Return the sheet of a skin on a surface of a fit; arguments as for `wrap_sheet`."""
+    """Return the sheet of a skin on a surface of a fit; arguments as for `wrap_sheet` and `on_cover`."""
     sheet = wrap_sheet(
         surface,
         skin.lattice,
@@ -138,7 +143,7 @@ def sheet_on(
         near=near,
         preview=preview,
     )
-    return on_cover(sheet, skin, fit) if skin.trim else sheet
+    return on_cover(sheet, skin, fit, max_angle) if skin.trim else sheet
 
 
 def sheet_patch(skin: SheetSkin, taxels: TaxelArray) -> Patch:
@@ -157,11 +162,11 @@ def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int) -> PlacedSkin:
     return placed
 
 
-def on_cover(sheet: WrappedSheet, skin: SheetSkin, fit: SurfaceFit) -> WrappedSheet:
+def on_cover(sheet: WrappedSheet, skin: SheetSkin, fit: SurfaceFit, max_angle: float) -> WrappedSheet:
     """Return a sheet without the cells that the cover does not carry.
 
-    They are over a hole, outside the boundary of the grid, off the mesh, or inclined to the mean normal of the faces
-    below their centre, corners and edges.
+    They are over a hole, outside the boundary of the grid, off the mesh, or inclined by more than ``max_angle`` [rad]
+    to the mean normal of the faces below their centre, corners and edges.
     """
     shape, flat = sheet.uv.shape[:2], sheet.uv.reshape(-1, 2)
     distance, face, _ = closest(fit.given_mesh, sheet.surface.points(flat))
@@ -170,7 +175,7 @@ def on_cover(sheet: WrappedSheet, skin: SheetSkin, fit: SurfaceFit) -> WrappedSh
     below = (below * np.sign((below * normals).sum(axis=1, keepdims=True))).reshape(*shape, 3)
     mean = unit(sliding_window_view(below, (3, 3, 1))[::2, ::2].sum(axis=(3, 4, 5)))
     centre = normals.reshape(*shape, 3)[1::2, 1::2]
-    is_parallel = (mean * centre).sum(axis=2).ravel() > np.cos(MAX_ANGLE)
+    is_parallel = (mean * centre).sum(axis=2).ravel() > np.cos(max_angle)
     is_near = distance.reshape(shape)[1::2, 1::2].ravel() <= MAX_DISTANCE
     on_mesh = fit.is_trusted(sheet.surface.wrap(sheet.uv[1::2, 1::2].reshape(-1, 2)))
     inside = sheet.inside & on_mesh & is_near & is_parallel

@@ -22,7 +22,8 @@ from ..robot.link_mesh import is_urdf, load_plan_mesh, load_urdf_mesh, load_urdf
 from ..robot.mirrored import Twin, find_twins
 from ..robot.urdf import Robot, read_robot
 from ..skin.boards.layout import forget_layouts
-from .proposal import Proposal, joint_axes, propose_link, propose_twin
+from .one_skin import LinkSurfaces
+from .proposal import Proposal, joint_axes, link_surfaces, propose_link, propose_twin
 from .skins import SkinChoice
 
 NOT_KNOWN = "covers is not known"  # Format: part of a reason, by which it is found in a plan
@@ -143,6 +144,17 @@ def _mesh_of(task: Task) -> TriangleMesh:
         return load_mesh(task.file, task.unit)
     mesh = robot_of(task.file).keep_out.meshes.get(task.link)
     return load_urdf_mesh(task.file, task.link) if mesh is None else mesh
+
+
+@one_blas_thread()
+def surfaces_of(task: Task) -> tuple[LinkSurfaces, tuple[str, ...]]:
+    """Return the surfaces that a link would have in a proposal, and warnings about links that can cover it."""
+    mesh, file = _mesh_of(task), task.file.absolute()
+    if not is_urdf(task.file):
+        return link_surfaces(task.link, mesh, file, task.unit), ()
+    whole = robot_of(task.file)
+    axes = tuple(joint_axes(whole.robot, task.link))
+    return link_surfaces(task.link, mesh, file, "m", axes, whole.keep_out), _not_covering(whole, task.link)
 
 
 def groups(tasks: Sequence[Task]) -> list[list[Task]]:

@@ -25,7 +25,8 @@ from .boards import boards_of_list, usable, with_cells
 from .candidates import axis_of
 from .link_points import LinkPoints
 from .moved_plan import moved_plan
-from .skins import SkinChoice, skin_on
+from .one_skin import LinkSurfaces
+from .skins import SkinChoice, apart, skin_on, without_cells
 from .surfaces import MIN_AREA, Proposed, fitted, propose_surfaces
 
 # [fraction] of the boards of a mirrored link, on each surface, and of its free area and cells, that a link must have to
@@ -82,6 +83,20 @@ def propose_link(
         return Proposal(link, None, (target.sentence, words + target.why_covered), target.on.seen, target.free)
     found = propose_surfaces(seen_faces(mesh), target.on, axes, begin)
     return target.proposal(found, lambda proposed: skin_on(choice, proposed.fit, proposed.surface.name), choice, begin)
+
+
+def link_surfaces(
+    link: str,
+    mesh: TriangleMesh,
+    file: Path,
+    unit: str,
+    axes: tuple[tuple[Axis, str], ...] = (),
+    keep_out: KeepOut | None = None,
+) -> LinkSurfaces:
+    """Return the surfaces of a link, of any area, without skins."""
+    target = _Target.of(link, mesh, file, unit, keep_out, lambda stage: None)
+    found = propose_surfaces(seen_faces(mesh), target.on, axes)
+    return LinkSurfaces(link, file, unit, mesh, target.on, found, axes, target.sentence + target.why_covered)
 
 
 def propose_twin(
@@ -200,7 +215,7 @@ class _Target:
         fits: dict[str, SurfaceFit] = {}
         for proposed, skin, kept, areas in _without_conflicts(self.mesh, self.on, placed):
             if not kept.any():
-                problems[proposed.surface.name] = "its boards are hidden, or over other boards"
+                problems[proposed.surface.name] = "its cells are hidden, or over those of others"
                 reasons.append(_left_out(proposed, problems[proposed.surface.name]))
                 continue
             surfaces.append(proposed.surface)
@@ -253,14 +268,17 @@ def _left_out(proposed: Proposed, why: str) -> str:
 def _without_conflicts(
     mesh: TriangleMesh, on: LinkPoints, placed: Sequence[tuple[Proposed, SheetSkin | BoardSkin, TaxelArray]]
 ) -> Iterator[tuple[Proposed, SheetSkin | BoardSkin, BoolArray, Array]]:
-    """Yield the surfaces with their skins, without boards that conflict, which taxels remain, and the areas of all."""
+    """Yield the surfaces with their skins, without cells that conflict, which taxels remain, and the areas of all."""
     boards = [(skin, taxels) for _, skin, taxels in placed if isinstance(skin, BoardSkin)]
     of_boards = iter(usable(mesh, on, *zip(*boards)) if boards else ())
+    of_sheets = iter(apart([(skin, taxels) for _, skin, taxels in placed if isinstance(skin, SheetSkin)]))
     for proposed, skin, taxels in placed:
-        kept = np.ones(len(taxels.ids), bool)
         if isinstance(skin, BoardSkin):
             kept = next(of_boards)
             skin = with_cells(skin, taxels, kept)
+        else:
+            kept = next(of_sheets)
+            skin = without_cells(skin, taxels, kept)
         yield proposed, skin, kept, taxels.areas
 
 

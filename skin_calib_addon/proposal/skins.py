@@ -1,23 +1,28 @@
 """The skin that an author wants on a robot, and its placement on a proposed surface."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..calibration.model import TaxelArray
-from ..common.arrays import Array
+from ..common.arrays import Array, BoolArray
 from ..common.errors import InvalidPlan, SkinCalibError
 from ..common.strict_json import parse, read
 from ..common.text import real
 from ..geometry.fit.surface_fit import SurfaceFit
-from ..pipeline.place_skins import place_skin
+from ..pipeline.place_skins import place_skin, sheet_patch
 from ..plan.document import skins_from
 from ..plan.file import check_part
 from ..plan.skins import SIDE, BoardSkin, SheetSkin
+from ..skin.between import overlaps
+from ..skin.boards.overlap import largest_apart
 from ..skin.sheet.landmarks import Landmark
+from ..skin.single_taxels import SingleTaxel
 from .boards import boards_on
 from .candidates import DECIMALS
 from .trial import site_steps
@@ -106,6 +111,25 @@ def _sheet_on(template: SheetSkin, fit: SurfaceFit) -> tuple[SheetSkin, TaxelArr
         rows, columns = max(1, int(SMALLER * rows)), max(1, int(SMALLER * columns))
         cells = rows * columns if cells > 1 else 0
     raise problem
+
+
+def apart(sheets: Sequence[tuple[SheetSkin, TaxelArray]]) -> list[BoolArray]:
+    """Return which cells of the sheets of a link remain so that ``fit`` finds no overlap, for each sheet."""
+    disabled = [{single.taxel for single in skin.taxels if not single.enabled} for skin, _ in sheets]
+    kept = np.array([f"{i}.{j}" not in off for off, (_, t) in zip(disabled, sheets) for i, j in t.index], bool)
+    row = {id: k for k, id in enumerate(id for _, taxels in sheets for id in taxels.ids)}
+    patches = [sheet_patch(skin, taxels) for skin, taxels in sheets]
+    pairs = [(row[a], row[b]) for one, other in combinations(patches, 2) for a, b, _ in overlaps(one, other)]
+    conflicts = np.array([pair for pair in pairs if kept[list(pair)].all()], np.int64).reshape(-1, 2)
+    kept &= largest_apart(len(kept), conflicts)
+    return np.split(kept, np.cumsum([len(taxels.ids) for _, taxels in sheets])[:-1])
+
+
+def without_cells(skin: SheetSkin, taxels: TaxelArray, kept: BoolArray) -> SheetSkin:
+    """Return a sheet whose other cells are disabled."""
+    off = {f"{i}.{j}" for i, j in taxels.index[~kept]}
+    others = tuple(single for single in skin.taxels if single.taxel not in off)
+    return replace(skin, taxels=(*others, *(SingleTaxel(name, enabled=False) for name in sorted(off))))
 
 
 def widest_place(fit: SurfaceFit) -> tuple[Array, tuple[float, float, float], Array]:

@@ -31,7 +31,7 @@ MAY_IMPORT = {
     "pipeline": (*CORE, "", "validation", "plan", "robot"),
     "proposal": (*CORE, "plan", "robot", "pipeline"),
     "inspection": (*CORE, "runtime"),
-    "pictures": (*CORE, "validation", "runtime", "plan", "pipeline"),
+    "pictures": (*CORE, "validation", "runtime", "plan", "pipeline", "proposal"),
     "commands": (*CORE, "validation", "runtime", "plan", "pipeline", "robot", "proposal", "inspection", "pictures"),
     "cli": ("", "commands"),
     "__main__": ("cli",),
