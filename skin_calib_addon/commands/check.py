@@ -1,17 +1,18 @@
 """``check``: report all findings of calibration and plan files, and compare calibrations with their meshes."""
 
 import argparse
+import json
 import os.path
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..calibration import robot_set
 from ..calibration.file import check_bytes
 from ..calibration.source_record import changed_inputs, find_mesh, is_as_recorded, is_of_fits, lost_plan
 from ..common.errors import CalibrationFormatError, OutputError, SkinCalibError, counted
-from ..common.findings import Finding, printable, warning
+from ..common.findings import Finding, error, printable, warning
 from ..common.strict_json import parse, read
 from ..runtime import noise_file
 from .common import DONE, WRONG_DATA, complain, named_path, say
@@ -35,16 +36,55 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--mesh", type=named_path, metavar="MESH", help="mesh of the calibration; only for a single file"
     )
+    parser.add_argument("--json", action="store_true", help="print the findings as JSON, for another program")
 
 
 def run(options: argparse.Namespace) -> int:
     files = list(_files(options.files))
     if options.mesh is not None and len(files) != 1:
         raise OutputError(f"--mesh needs exactly one file; {len(files)} files are given.")
-    code = max([_check_one(path, options.mesh) for path in files])
-    for folder in options.files:
-        _check_folder(folder)
-    return code
+    checked = [_check_one(path, options.mesh) for path in files]
+    checked += [one for folder in options.files if (one := _check_folder(folder))]
+    if options.json:
+        say(json.dumps([one.document for one in checked], indent=2))
+    else:
+        for one in checked:
+            one.print()
+    return WRONG_DATA if any(one.errors for one in checked) else DONE
+
+
+class Checked(NamedTuple):
+    """What was found in a file."""
+
+    path: Path
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...] = ()
+    content: Any = None  # JSON value
+    unread: str = ""  # why it could not be read
+
+    @property
+    def errors(self) -> int:
+        """Return the number of errors."""
+        return sum(f.severity == "error" for f in self.findings)
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        names = ("code", "severity", "pointer", "message")
+        found = [{name: getattr(finding, name) for name in names} for finding in self.findings]
+        return {"file": str(self.path), "findings": found, "notes": list(self.notes)}
+
+    def print(self) -> None:
+        """Print a line for each finding, and a summary."""
+        if self.unread:
+            return complain(self.unread)
+        for finding in self.findings:
+            say(f"{finding}{_taxel(self.content, finding.pointer)}")
+        counts = f"{counted(self.errors, 'error')}, {counted(len(self.findings) - self.errors, 'warning')}"
+        summary = [counts, *self.notes]
+        if len(self.findings) > MAX_UNCOUNTED:
+            summary.append(", ".join(f"{n} {code}" for code, n in Counter(f.code for f in self.findings).most_common()))
+        say(f"{self.path}: {'; '.join(summary)}")
 
 
 def _files(named: Iterable[Path]) -> Iterator[Path]:
@@ -55,12 +95,11 @@ def _files(named: Iterable[Path]) -> Iterator[Path]:
         yield from inside or [path]  # an empty folder is rejected later, because it is not a file
 
 
-def _check_one(path: Path, mesh: Path | None) -> int:
+def _check_one(path: Path, mesh: Path | None) -> Checked:
     try:
         data = read(path)
     except CalibrationFormatError as problem:
-        complain(str(problem))
-        return WRONG_DATA
+        return Checked(path, (error("unreadable", "", str(problem)),), unread=str(problem))
     notes: list[str] = []
     document, findings = parse(data)
     format = document.get("format") if isinstance(document, dict) else None
@@ -80,17 +119,10 @@ def _check_one(path: Path, mesh: Path | None) -> int:
             notes = [f"{_taxels(document)} taxels on {document['link']}"]
             outdated, of_mesh = _compare(path, document["link"], document["mesh"], mesh)
             findings, notes = (*findings, *outdated), [*notes, of_mesh]
-    for finding in findings:
-        say(f"{finding}{_taxel(document, finding.pointer)}")
-    errors = sum(f.severity == "error" for f in findings)
-    summary = [f"{counted(errors, 'error')}, {counted(len(findings) - errors, 'warning')}", *notes]
-    if len(findings) > MAX_UNCOUNTED:
-        summary.append(", ".join(f"{n} {code}" for code, n in Counter(f.code for f in findings).most_common()))
-    say(f"{path}: {'; '.join(summary)}")
-    return WRONG_DATA if errors else DONE
+    return Checked(path, tuple(findings), tuple(notes), document)
 
 
-def _check_folder(folder: Path) -> None:
+def _check_folder(folder: Path) -> Checked | None:
     """Warn of a folder whose calibrations ``fit`` has written without ``robot.json``, for example after Ctrl+C."""
     if is_of_fits(folder) and not os.path.lexists(folder / robot_set.FILE):
         found = {path.name: robot_set.link_of(path) for path in sorted(folder.glob("*.calibration.json"))}
@@ -99,8 +131,9 @@ def _check_folder(folder: Path) -> None:
         if both := robot_set.same_link(links):
             why = f"fit writes none, because {both}"
         if links:
-            say(str(warning("no-robot", robot_set.FILE, f"is missing, and the links are no robot without it: {why}")))
-            say(f"{folder / robot_set.FILE}: 0 errors, 1 warning")
+            missing = warning("no-robot", robot_set.FILE, f"is missing, and the links are no robot without it: {why}")
+            return Checked(folder / robot_set.FILE, (missing,))
+    return None
 
 
 def _robot_findings(path: Path) -> Iterator[Finding]:

@@ -74,6 +74,7 @@ def test_added_key_is_documented():
         (BOARDS.key("cells"), (), "must not be empty"),
         (IMPORTED.key("format"), "icub", ""),
         (PLANES.key("closed"), False, ""),
+        (IMPORTED.key("file"), "a\0b", "must have at least one character, and no control characters"),
     ],
 )
 def test_problem_of_a_value_is_said_in_the_units_of_people(key, value, message):
