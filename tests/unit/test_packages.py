@@ -1,6 +1,7 @@
 """What strangers install: names, types and licences of the wheel, contents and bytes of the zips for Blender."""
 
 import importlib.util
+import re
 import shutil
 import subprocess
 import sys
@@ -9,6 +10,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
+
+import skin_calib_addon
 
 PARTS = {"pyproject.toml", "README.md", "LICENSES", "skin_calib", "skin_calib_addon", "operators", "panels", "tests"}
 ROOT = Path(__file__).resolve().parents[2]
@@ -97,3 +100,13 @@ def test_bill_of_materials_names_each_wheel_with_its_licence(builder, tmp_path, 
     ours, other = builder.bill_of([wheel], "0.1.0")["packages"]
     assert ours["name"] == "skin-calib" and (other["name"], other["versionInfo"]) == ("thing", "1.2")
     assert other["licenseComments"] == "MIT" and len(other["checksums"][0]["checksumValue"]) == 64
+
+
+def test_version_is_the_same_everywhere():
+    """Package, extension, citation and changelog."""
+    manifest, citation, changes = (
+        (ROOT / n).read_text("utf-8") for n in ("blender_manifest.toml", "CITATION.cff", "CHANGELOG.md")
+    )
+    named = [re.search(r'^version = "(.+)"$', manifest, re.M)[1], re.search(r"^version: (.+)$", citation, re.M)[1]]
+    named += re.findall(r"^## (.+)$", changes, re.M)[:1]
+    assert named == 3 * [skin_calib_addon.__version__]
