@@ -371,14 +371,19 @@ class Pair:
         return float(self.rng.choice(list(steps), p=list(steps.values())))
 
 
-def cancellation(skin: Skin, counts: np.ndarray) -> float:
-    """Return the sum of the sizes of all readings over their sum without the mean at rest, on which weights depend."""
-    noise = skin.noise
+def size_of(skin: Skin, frame: Frame, counts: np.ndarray) -> float:
+    """Return the sum of the sizes of what the sums of a frame add [N].
+
+    Weights, and the load that the noise may hide, depend on the sum of all readings without the mean at rest: the
+    readings are much larger.
+    """
+    size, noise = float(np.abs(frame.pushes).sum()), skin.noise
     if noise is None:
-        return 1.0
+        return size
     signed = noise.signed(counts[skin.channels])
     signed = np.where(np.abs(signed) < 1e100, signed, noise.free)
-    return 1.0 + float(np.abs(signed * noise.slopes).sum()) / max(abs(float(noise.excess(signed))), 1e-9)
+    of_readings = float(np.abs(signed * noise.slopes).sum())
+    return size * (1.0 + of_readings / max(abs(float(noise.excess(signed))), 1e-9)) if size else of_readings
 
 
 def is_lost_by_rounding(frame: Frame) -> bool:
@@ -414,7 +419,7 @@ def compare_skin(module, comparison: Comparison, seed: int) -> int:
         expected = record(frame)
         found = cpp.update(counts, at)
         if frame.sets is not None:
-            expected["size"] *= cancellation(python, counts)
+            expected["size"] = size_of(python, frame, counts)
         if not is_lost_by_rounding(frame):
             comparison.frames(expected, found, 0.0 if frame.sums is None else float(frame.sums[9]))
     return frames
