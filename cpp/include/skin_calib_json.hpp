@@ -186,19 +186,15 @@ inline Noise noise_of(const Json& document, const Calibration& calibration) {
     const Json& levels = member(document, "noise");
     if (levels.is_null()) return noise;
     noise.is_known = true;
-    const std::pair<const char*, Numbers*> arrays[] = {{"mean", &noise.mean},
-                                                       {"sigma", &noise.sigma},
-                                                       {"sure", &noise.sure},
-                                                       {"lasting", &noise.lasting},
-                                                       {"pair", &noise.pair},
-                                                       {"possible", &noise.possible},
-                                                       {"release", &noise.release},
-                                                       {"slopes", &noise.slopes},
-                                                       {"free", &noise.free},
-                                                       {"rectified", &noise.rectified},
-                                                       {"below_clip", &noise.below_clip}};
+    const std::pair<const char*, Numbers*> arrays[] = {
+        {"mean", &noise.mean},       {"sigma", &noise.sigma},         {"sure", &noise.sure},
+        {"lasting", &noise.lasting}, {"pair", &noise.pair},           {"possible", &noise.possible},
+        {"release", &noise.release}, {"lowest", &noise.lowest},       {"slopes", &noise.slopes},
+        {"free", &noise.free},       {"rectified", &noise.rectified}, {"below_clip", &noise.below_clip}};
     for (const auto& [name, values] : arrays) *values = numbers(member(levels, name), name, n);
     noise.clip = numbers(member(levels, "clip"), "clip", n, -infinity);
+    noise.repeats = numbers(member(levels, "repeats"), "repeats", n, infinity);
+    noise.frame_repeats = number(member(levels, "frame_repeats"), "frame_repeats", infinity);
     for (const Json& x : list_of(levels, "dead", n)) {
         if (!x.is_boolean()) throw Wrong{"'dead' must have true and false only"};
         noise.dead.push_back(x.get<bool>());

@@ -24,6 +24,7 @@ Options options_of(const py::dict& given) {
         if (name == "switch_on") options.switch_on = value.cast<double>();
         if (name == "switch_off") options.switch_off = value.cast<double>();
         if (name == "in_cell") options.in_cell = value.cast<bool>();
+        if (name == "follow_drift") options.follow_drift = value.cast<bool>();
         if (name == "creep") options.creep = value.cast<Vec2>();
         if (name == "ground") options.ground = Plane::through(value["point"].cast<Vec3>(), value["up"].cast<Vec3>());
     }
@@ -47,6 +48,10 @@ py::array_t<bool> booleans(const Booleans& values) {
     py::array_t<bool> result(static_cast<py::ssize_t>(values.size()));
     std::copy(values.begin(), values.end(), result.mutable_data());
     return result;
+}
+
+std::vector<bool> statements(const Trusted& trusted) {
+    return {trusted.touched, trusted.wrench, trusted.point, trusted.guaranteed};
 }
 
 py::list names_of(Flags flags) {
@@ -79,7 +84,9 @@ py::dict record(const Frame& frame) {
     py::dict result;
     result["flags"] = names_of(frame.flags);
     result["touched"] = frame.touched();
+    result["trusted"] = statements(frame.trusted());
     result["known"] = booleans(frame.known);
+    result["stuck"] = booleans(frame.stuck);
     result["forces"] = array(frame.forces);
     result["stands"] = frame.sets.stands;
     result["active"] = booleans(frame.sets.active);
@@ -154,6 +161,7 @@ struct BodyOf {
             if (frame.standing[k]) standing.append(names[k]);
         }
         result["flags"] = flags;
+        result["trusted"] = statements(frame.trusted);
         result["lost"] = lost;
         result["standing"] = standing;
         result["wrench"] = frame.wrench;

@@ -74,6 +74,9 @@ void refuses_files(const std::string& folder) {
         {"null", [](Json& d) { d["noise"]["mean"][0] = nullptr; }},
         {"sigma", [](Json& d) { d["noise"]["sigma"][0] = 0; }},
         {"sign", [](Json& d) { d["noise"]["sign"][0] = -1; }},
+        {"lowest", [](Json& d) { d["noise"]["lowest"][0] = nullptr; }},
+        {"repeats", [](Json& d) { d["noise"]["repeats"][0] = 0; }},
+        {"frame_repeats", [](Json& d) { d["noise"]["frame_repeats"] = -1; }},
         {"dead", [](Json& d) { d["noise"]["dead"][0] = 1; }},
         {"baseline", [](Json& d) { d.erase("baseline"); }},
     };
@@ -103,9 +106,11 @@ void flags_readings(const std::string& folder) {
     std::vector<std::uint16_t> counts(n, 500);
     const std::size_t before = allocations;
     const auto flags = [&](double time) { return skin.update(readings.data(), readings.size(), time).flags; };
+    const auto flags_of = [&](const auto& values, double time) { return skin.update(values.data(), n, time).flags; };
     must(skin.update(counts.data(), n, 0.0).stands(), "whole numbers are readings");
     must(skin.update(counts.data(), n - 1, 0.001).has(flag::wrong_length), "short readings are flagged");
     must(!skin.update(counts.data(), n - 1, 0.002).touched(), "then nothing is known");
+    must(!skin.update(counts.data(), n - 1, 0.002).trusted().guaranteed, "and nothing is guaranteed");
     must(flags(not_a_number) & flag::time_not_finite, "a time that is not finite is flagged");
     must(flags(-5.0) & flag::time_back, "time that goes back is flagged");
     must(flags(-5.0) & flag::time_still, "time that stands still is flagged");
@@ -124,6 +129,17 @@ void flags_readings(const std::string& folder) {
         }
         skin.update(readings.data(), readings.size(), 0.001 * k);
     }
+    for (int k = 0; k < 30; ++k) skin.update(counts.data(), n, 4.0 + 0.04 * k);
+    must((flags_of(counts, 5.2) & (flag::frozen | flag::stuck)) == (flag::frozen | flag::stuck),
+         "a frozen bus is flagged");
+    for (int k = 0; k < 100; ++k) { // readings below those of the tare
+        for (double& x : readings) {
+            state = state * 1664525u + 1013904223u;
+            x = -6.0 + static_cast<double>(state >> 30);
+        }
+        skin.update(readings.data(), n, 5.24 + 0.04 * k);
+    }
+    must(flags(9.3) & flag::drift, "a drift is flagged");
     must(allocations == before, "update allocates no memory");
 }
 

@@ -98,6 +98,10 @@ void compare_names(const char* name, const Json& expected, std::vector<std::stri
     if (expected != Json(found)) report(name, expected.dump(), Json(found).dump());
 }
 
+void compare_trusted(const Json& expected, const Trusted& found) {
+    compare("trusted", expected["trusted"], Booleans{found.touched, found.wrench, found.point, found.guaranteed});
+}
+
 void compare(const Json& expected, const Frame& frame) {
     std::vector<std::string> flags;
     add_flags(flags, frame.flags);
@@ -105,7 +109,9 @@ void compare(const Json& expected, const Frame& frame) {
     compare("touched", expected["touched"], frame.touched());
     compare("stands", expected["stands"], frame.sets.stands);
     compare("is_standing", expected["is_standing"], std::optional<bool>(frame.stands()));
+    compare_trusted(expected, frame.trusted());
     compare("known", expected["known"], frame.known);
+    compare("stuck", expected["stuck"], frame.stuck);
     compare("active", expected["active"], frame.sets.active);
     compare("sure", expected["sure"], frame.sets.sure);
     compare("possible", expected["possible"], frame.sets.possible);
@@ -154,6 +160,7 @@ void start(const Json& link, const std::filesystem::path& folder, Skin& skin) {
         if (given.contains("ground"))
             options.ground = Plane::through(given["ground"]["point"].get<Vec3>(), given["ground"]["up"].get<Vec3>());
         options.in_cell = given.value("in_cell", false);
+        options.follow_drift = given.value("follow_drift", true);
     }
     const Status status = load(file("calibration"), link["noise"].is_null() ? "" : file("noise"), options, skin);
     if (!status.ok) report("the skin", "valid", status.message);
@@ -202,6 +209,7 @@ void compare_body(const Json& test, const std::filesystem::path& folder) {
             if (frame.standing[k]) standing.push_back(names[k]);
         }
         compare_names("flags", expected["flags"], flags);
+        compare_trusted(expected, frame.trusted);
         compare_names("lost", expected["lost"], lost);
         compare_names("standing", expected["standing"], standing);
         compare("wrench", expected["wrench"], frame.wrench, 1e-9);

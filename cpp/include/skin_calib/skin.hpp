@@ -1,6 +1,8 @@
 // The skin of one link: readings in, a frame out. See runtime/skin.py, readings.py and frame.py.
 #pragma once
 
+#include "drift.hpp"
+#include "faults.hpp"
 #include "frame.hpp"
 #include "lost.hpp"
 #include "responses.hpp"
@@ -50,6 +52,9 @@ public:
         creep_ = std::nullopt;
         if (options.creep) creep_.emplace().start(n, (*options.creep)[0], (*options.creep)[1]);
         toucher_.start(geometry, noise_ ? &*noise_ : nullptr, on, off, is_stated);
+        faults_.start(responses, noise_ ? &*noise_ : nullptr);
+        none_.assign(n, 0);
+        if (noise_) drift_.start(geometry, *noise_, responses.sign, options.follow_drift);
         finder_.start(geometry);
         lost_.start(geometry);
         is_stated_ = is_stated;
@@ -64,7 +69,6 @@ public:
         limit();
         for (auto* list : {&raw_, &shifted_, &signed_, &variances_, &forces_, &sides_, &low_, &high_})
             list->assign(n, 0.0);
-        last_.assign(n, not_a_number);
         clock_ = Clock{};
         allocate_frame();
         is_ready_ = true;
@@ -116,7 +120,7 @@ private:
     void allocate_frame() {
         frame_ = Frame{};
         frame_.forces.assign(size(), 0.0);
-        for (auto* list : {&frame_.known, &frame_.saturated}) list->assign(size(), 0);
+        for (auto* list : {&frame_.known, &frame_.saturated, &frame_.stuck}) list->assign(size(), 0);
         frame_.sets.resize(size());
         standing_.resize(size());
         if (noise_) frame_.force_sigmas.assign(size(), infinity);
@@ -143,10 +147,10 @@ private:
         const std::size_t n = size();
         const bool has_creep = creep_ && noise_;
         std::size_t known_count = 0;
-        bool has_dead = false;
         for (std::size_t i = 0; i < n; ++i) {
             const double sign = responses.sign[i];
-            const double reading = has_creep ? raw_[i] - creep_->part[i] * sign : raw_[i];
+            double reading = has_creep ? raw_[i] - creep_->part[i] * sign : raw_[i];
+            if (noise_) reading -= drift_.offset[i];
             shifted_[i] = reading + baseline_[i];
             signed_[i] = reading * sign;
         }
@@ -158,7 +162,6 @@ private:
             frame_.known[i] = is_known;
             frame_.saturated[i] = is_known && responses.saturated(i, shifted_[i]);
             known_count += is_known;
-            has_dead = has_dead || (noise_ && noise_->dead[i]);
             if (frame_.saturated[i]) flags |= flag::saturated;
             if (!is_known && is_valid(i)) flags |= std::isfinite(raw_[i]) ? flag::too_large : flag::not_finite;
         }
@@ -168,14 +171,19 @@ private:
             toucher_.forget();
             finder_.forget();
             lost_.forget();
+            if (noise_) drift_.drop_block();
         }
-        const bool is_new = raw_ != last_;
-        toucher_.decide(signed_, frame_.forces, frame_.known, is_complete, is_new, frame_.sets);
+        faults_.compare(raw_);
+        toucher_.decide(signed_, frame_.forces, frame_.known, is_complete, faults_.is_new,
+                        noise_ ? drift_.noisy : none_, frame_.sets);
+        flags |= faults_.find(raw_, shifted_, signed_, frame_.known, frame_.sets.active, time, clock_.period(),
+                              frame_.stuck);
+        if (noise_) flags |= drift_.faults(frame_.sets, frame_.stuck);
+        if (flags & flag::stuck) frame_.sets.leave_out(frame_.stuck);
         if (!noise_ && !is_stated_) flags |= flag::noise_unknown;
         double total = 0;
         for (double push : frame_.sets.pushes) total += push;
         if (total > geometry.calibration.max_load) flags |= flag::overload;
-        if (has_dead) flags |= flag::dead;
         frame_.time = time, frame_.flags = flags, frame_.is_known = true;
         const Terms& terms = ground && ground->is_full(frame_.sets.active) ? ground->full_contact : *terms_;
         finder_.find(frame_.sets.active, frame_.forces, terms.link, frame_.rows, frame_.contacts);
@@ -191,8 +199,8 @@ private:
         if (noise_) deviate(terms, is_complete);
         if (ground) support();
         clock_.accept(time, true);
-        if (std::isfinite(time)) std::swap(raw_, last_);
-        if (has_creep) follow(std::isfinite(time) ? last_ : raw_, is_complete, time);
+        faults_.accept(raw_, time);
+        if (noise_ && (has_creep || drift_.is_due(time))) follow(is_complete, time);
         return frame_;
     }
 
@@ -293,7 +301,7 @@ private:
             const bool can_stand = ground->can_stand[i];
             const bool may_press = sets.possible[i] || (frame_.is_lost && !frame_.known[i]); // all that is lost
             standing_.possible[i] = can_stand && may_press;
-            standing_.sure[i] = can_stand && sets.sure[i] && !frame_.has(flag::overload);
+            standing_.sure[i] = can_stand && sets.sure[i] && !frame_.has(flag::not_guaranteed);
             standing_.active[i] = can_stand && (sets.active[i] || standing_.sure[i]);
         }
         SupportingPolygon& polygon = frame_.polygon;
@@ -303,27 +311,28 @@ private:
             ground->erosion.erode(ground->sure_hull.hull);
             polygon.guaranteed = ground->erosion.result;
         }
-        const bool is_probable = sets.has_sure && sets.stands && !frame_.has(flag::overload);
+        const bool is_probable = sets.has_sure && sets.stands && !frame_.has(flag::not_guaranteed);
         polygon.outer_probability = is_probable ? std::optional<double>(outer_probability) : std::nullopt;
         polygon.guaranteed_probability = is_probable ? std::optional<double>(guaranteed_probability) : std::nullopt;
     }
 
-    // Follow the creep of the taxels with readings (n,).
-    void follow(const Numbers& raw, bool is_complete, double time) noexcept {
+    // Follow the creep of the taxels, and the drift of the free ones.
+    void follow(bool is_complete, double time) noexcept {
         for (std::size_t i = 0; i < size(); ++i) {
-            const double x = raw[i] * responses.sign[i] - creep_->part[i];
+            const double x = raw_[i] * responses.sign[i] - (creep_ ? creep_->part[i] : 0.0);
             const bool is_used = is_complete || (std::abs(x) < max_reading && is_valid(i));
             signed_[i] = (is_used ? x : not_a_number) - noise_->free[i];
         }
-        creep_->add(signed_, time);
+        if (creep_) creep_->add(signed_, time);
+        drift_.add(signed_, time);
     }
 
     // Return the frame of a reading that cannot be used; only the clock changes.
     const Frame& unknown(double time, Flags flags) noexcept {
         clock_.accept(time, false);
         std::fill(frame_.forces.begin(), frame_.forces.end(), 0.0);
-        for (auto* list :
-             {&frame_.known, &frame_.saturated, &frame_.sets.active, &frame_.sets.sure, &frame_.sets.possible})
+        for (auto* list : {&frame_.known, &frame_.saturated, &frame_.stuck, &frame_.sets.active, &frame_.sets.sure,
+                           &frame_.sets.possible})
             std::fill(list->begin(), list->end(), 0);
         for (auto* list : {&frame_.sets.weights, &frame_.sets.pushes}) std::fill(list->begin(), list->end(), 0.0);
         std::fill(frame_.force_sigmas.begin(), frame_.force_sigmas.end(), infinity);
@@ -347,13 +356,15 @@ private:
     Toucher toucher_;
     ContactFinder finder_;
     Lost lost_;
+    Faults faults_;
+    Drift drift_; // only with noise
     Clock clock_;
     Terms no_ground_;
     std::vector<Vec6> squares_;    // (n,) of the wrenches of 1 N
     const Terms* terms_ = nullptr; // of the sums at partial contact
-    Numbers baseline_, most_, limits_, raw_, last_, shifted_, signed_, variances_;
+    Numbers baseline_, most_, limits_, raw_, shifted_, signed_, variances_;
     Numbers forces_, sides_, low_, high_; // forces of the readings, and of those a standard deviation below and above
-    Booleans alive_;
+    Booleans alive_, none_;
     Touched standing_; // the sets, without the taxels that cannot stand
     Terms::Sums sums_{};
     Frame frame_;

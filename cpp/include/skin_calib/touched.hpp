@@ -12,12 +12,22 @@ struct Touched {
     Booleans possible;          // (n,) whether it is possibly touched
     Numbers weights, pushes;    // (n,) of its force in the sums; its part of the sums [N]
     bool has_sure = false;      // whether something can be sure: otherwise noise and thresholds are unknown
+    double common = 0;          // deviation of all taxels that may be a drift [standard deviations]
     double excess = 0;          // sum of all taxels above that at rest [N]; 0 without noise
     std::optional<bool> stands; // whether there is a load; nothing if sums of the noise are unknown: then 5 N decide
 
     void resize(std::size_t n) {
         for (auto* list : {&active, &sure, &possible}) list->assign(n, 0);
         weights.assign(n, 0.0), pushes.assign(n, 0.0);
+    }
+
+    // The readings of some taxels (n,) prove nothing: with a load, they are possibly touched.
+    void leave_out(const Booleans& stuck) noexcept {
+        if (!has_sure || !stands.value_or(true)) return;
+        for (std::size_t i = 0; i < stuck.size(); ++i) {
+            sure[i] = sure[i] && !stuck[i];
+            possible[i] |= stuck[i];
+        }
     }
 };
 
@@ -49,11 +59,11 @@ public:
 
     // Decide what is touched in the next frame.
     //   signed_readings, forces, known: (n,) of the frame; `is_complete`: all are known; `is_new`: a reading has
-    //   changed
+    //   changed; noisy: (n,) taxels whose noise has grown, of which no reading proves a contact
     void decide(const Numbers& signed_readings, const Numbers& forces, const Booleans& known, bool is_complete,
-                bool is_new, Touched& sets) noexcept {
+                bool is_new, const Booleans& noisy, Touched& sets) noexcept {
         if (noise_)
-            by_noise(signed_readings, forces, known, is_complete, is_new, sets);
+            by_noise(signed_readings, forces, known, is_complete, is_new, noisy, sets);
         else
             by_thresholds(forces, known, is_complete, sets);
     }
@@ -78,11 +88,11 @@ private:
         }
         sets.has_sure = is_stated_;
         sets.stands = std::nullopt;
-        sets.excess = 0;
+        sets.excess = sets.common = 0;
     }
 
     void by_noise(const Numbers& given, const Numbers& forces, const Booleans& known, bool is_complete, bool is_new,
-                  Touched& sets) noexcept {
+                  const Booleans& noisy, Touched& sets) noexcept {
         const Noise& noise = *noise_;
         const std::size_t n = skin_->n;
         if (is_new) {
@@ -117,12 +127,12 @@ private:
             before_[i] = starts_[i] || (before_[i] && ((has_load && release_[i]) || !known[i]));
             sets.active[i] = before_[i] && known[i];
             const bool lasts = has_load && above_[0][i] && above_[1][i] && above_[2][i];
-            sets.sure[i] = has_load && (sure_[i] || lasts);
+            sets.sure[i] = has_load && (sure_[i] || lasts) && !noisy[i];
             sets.possible[i] = has_load && (possible_[i] || !known[i] || lasts || sets.active[i]);
         }
         sets.has_sure = true;
         sets.stands = has_load;
-        sets.excess = excess;
+        sets.excess = excess, sets.common = common;
         if (has_load) {
             weigh(forces, excess, sets);
         } else {

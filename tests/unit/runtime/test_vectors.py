@@ -72,6 +72,7 @@ def test_vectors_are_small_and_cover_what_a_runtime_can_state():
     frames = [line["frame"] for document in documents for line in document["frames"]]
     flags = set(chain.from_iterable(frame["flags"] for frame in frames))
     assert {"not_finite", "too_large", "blind", "saturated", "time_back", "time_jump", "wrong_length"} <= flags
+    assert {"drift", "noisy", "stuck", "frozen", "below_rest", "byte_order"} <= flags
     assert {"lost", "overload", "left:no_reading", "right:no_pose", "left:wrong_pose", "not_coplanar"} <= flags
     for name in ("cop_sigma", "zmp_sigma", "outer", "nominal", "guaranteed"):
         assert sum(bool(frame[name]) for frame in frames) > 20, name
