@@ -188,6 +188,21 @@ PYBIND11_MODULE(skin_calib_cpp, module) {
                      return skin;
                  }),
              py::arg("calibration"), py::arg("noise") = py::none(), py::arg("options") = py::dict())
+        .def("tare",
+             [](Skin& skin, const Doubles& rows, const std::string& type, bool accept) {
+                 Tare tare;
+                 const auto frames = static_cast<std::size_t>(rows.shape(0)),
+                            channels = static_cast<std::size_t>(rows.shape(1));
+                 Status status;
+                 if (type == "uint16") {
+                     const std::vector<std::uint16_t> whole(rows.data(), rows.data() + rows.size());
+                     status = skin.tare(whole.data(), frames, channels, tare, accept);
+                 } else {
+                     status = skin.tare(rows.data(), frames, channels, tare, accept);
+                 }
+                 return py::make_tuple(status.message, array(tare.forces), tare.has_noise, tare.warnings);
+             })
+        .def("save_noise", [](const Skin& skin, const std::string& path) { raise(save_noise(path, skin)); })
         .def("mask", [](Skin& skin, const std::vector<std::string>& ids) { raise(skin.mask(ids)); })
         .def("update", [](Skin& skin, const Doubles& readings, double time) {
             return record(skin.update(readings.data(), static_cast<std::size_t>(readings.size()), time));

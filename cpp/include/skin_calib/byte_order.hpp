@@ -3,7 +3,7 @@
 
 #include <cstdlib>
 
-#include "responses.hpp"
+#include "learning.hpp"
 
 namespace skin_calib {
 
@@ -18,6 +18,11 @@ public:
         has_low_bytes_ = range < 4096.0;
         before_.assign(n, 0.0);
         has_before_ = false, time_ = -infinity, right_ = wrong_ = all_ = 0;
+    }
+
+    // Note whether readings without contact have a lower byte.
+    void learn(const Frames& rows) noexcept {
+        for (double x : rows.values) has_low_bytes_ = has_low_bytes_ || (std::isfinite(x) && std::fmod(x, 256) != 0);
     }
 
     // Return whether the bytes of the last readings (n,) are in the wrong order.

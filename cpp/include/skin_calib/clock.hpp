@@ -99,6 +99,11 @@ public:
         fraction_ = fraction, time_ = time, last_ = not_a_number;
     }
 
+    void restart() noexcept {
+        std::fill(part.begin(), part.end(), 0.0);
+        last_ = not_a_number;
+    }
+
     // Add a frame with signed readings (n,) without creep, relative to those without contact.
     void add(const Numbers& readings, double time) noexcept {
         if (!std::isfinite(time)) return;

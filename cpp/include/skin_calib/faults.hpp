@@ -10,15 +10,22 @@ namespace skin_calib {
 // Keep when each reading last changed, and the faults of the last second.
 class Faults {
 public:
+    ByteOrder byte_order;
     bool is_new = true; // whether a reading of the frame is not that of the frame before
 
     // Set the responses of the skin, and its noise, or nullptr. They must live as long.
     void start(const TaxelResponses& responses, const Noise* noise) {
         const std::size_t n = responses.rest.size();
-        responses_ = &responses, noise_ = noise;
-        byte_order_.start(responses);
+        responses_ = &responses;
+        byte_order.start(responses);
         unchanged_.assign(n, 0), last_.assign(n, not_a_number), since_.assign(n, infinity);
         below_rest_ = -infinity, oldest_ = time_ = infinity;
+        set_noise(noise);
+    }
+
+    // Set the noise of the skin, or nullptr; the past stays.
+    void set_noise(const Noise* noise) {
+        noise_ = noise;
         min_repeats_ = noise ? *std::min_element(noise->repeats.begin(), noise->repeats.end()) : infinity;
         has_dead_ = noise && std::find(noise->dead.begin(), noise->dead.end(), 1) != noise->dead.end();
     }
@@ -40,7 +47,7 @@ public:
         period = std::max(period, max_reading_period);
         if (find_stuck(active, time, period, stuck)) flags |= flag::stuck;
         if (is_below_rest(shifted, signed_readings, known, time)) flags |= flag::below_rest;
-        if (byte_order_.is_wrong(raw, time)) flags |= flag::byte_order;
+        if (byte_order.is_wrong(raw, time)) flags |= flag::byte_order;
         if (has_dead_) flags |= flag::dead;
         if (noise_ && !is_new) {
             const double limit = std::max(frozen_time, noise_->frame_repeats * period);
@@ -98,7 +105,6 @@ private:
 
     const TaxelResponses* responses_ = nullptr;
     const Noise* noise_ = nullptr;
-    ByteOrder byte_order_;
     Booleans unchanged_;            // (n,) which readings equal those of the last frame in every bit
     Numbers last_, since_;          // (n,) readings of the last frame; when each of them last changed [s]
     double below_rest_ = -infinity; // time of the last frame with a reading below rest

@@ -37,12 +37,18 @@ public:
     // Set thresholds [N] (`is_stated`: by the caller), or the noise of the skin. The skin must live as long.
     void start(const SkinGeometry& skin, const Noise* noise, double switch_on, double switch_off, bool is_stated) {
         const std::size_t n = skin.n;
-        skin_ = &skin, noise_ = is_stated ? nullptr : noise, is_stated_ = is_stated, on_ = switch_on, off_ = switch_off;
+        skin_ = &skin, is_stated_ = is_stated, on_ = switch_on, off_ = switch_off;
         for (auto* list : {&before_, &sure_, &pair_, &release_, &possible_, &starts_, &lasting_}) list->assign(n, 0);
         for (auto& list : above_) list.assign(n, 0);
         signed_.assign(n, 0.0), deviations_.assign(n, 0.0);
+        set_noise(noise);
+    }
+
+    // Set the noise of the skin, or nullptr; what is touched stays.
+    void set_noise(const Noise* noise) {
+        noise_ = is_stated_ ? nullptr : noise;
         scale_.clear(), offset_.clear(), offsets_.clear(), total_ = 0;
-        for (std::size_t i = 0; noise_ && i < n; ++i) {
+        for (std::size_t i = 0; noise_ && i < skin_->n; ++i) {
             const double scale = 1 / (noise_->sigma[i] * (weight_full - weight_start));
             scale_.push_back(scale);
             offset_.push_back(-noise_->mean[i] * scale - weight_start / (weight_full - weight_start));

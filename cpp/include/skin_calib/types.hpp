@@ -147,7 +147,7 @@ struct Noise {
     Numbers baseline;      // (n,) added to each reading, so that the reading at rest gives no force
     bool is_known = false; // otherwise the file has a baseline only
     Numbers mean, sigma, sure, lasting, pair, possible, release, lowest, repeats, slopes, free, rectified, clip,
-        below_clip;
+        below_clip, detection_limits;
     Booleans dead;
     double frame_repeats = infinity, free_sum = 0, load_level = 0, common = 1, load_limit = 0;
 };
@@ -237,21 +237,28 @@ inline Status check(const Noise& noise, std::size_t n) {
     if (noise.baseline.size() != n || !all_finite(noise.baseline))
         return Status::error("the baseline must have a finite number for each of " + std::to_string(n) + " taxels");
     if (!noise.is_known) return {};
-    const std::pair<const char*, const Numbers*> arrays[] = {
-        {"mean", &noise.mean},       {"sigma", &noise.sigma},
-        {"sure", &noise.sure},       {"lasting", &noise.lasting},
-        {"pair", &noise.pair},       {"possible", &noise.possible},
-        {"release", &noise.release}, {"lowest", &noise.lowest},
-        {"repeats", &noise.repeats}, {"slopes", &noise.slopes},
-        {"free", &noise.free},       {"rectified", &noise.rectified},
-        {"clip", &noise.clip},       {"below_clip", &noise.below_clip}};
+    const std::pair<const char*, const Numbers*> arrays[] = {{"mean", &noise.mean},
+                                                             {"sigma", &noise.sigma},
+                                                             {"sure", &noise.sure},
+                                                             {"lasting", &noise.lasting},
+                                                             {"pair", &noise.pair},
+                                                             {"possible", &noise.possible},
+                                                             {"release", &noise.release},
+                                                             {"lowest", &noise.lowest},
+                                                             {"repeats", &noise.repeats},
+                                                             {"slopes", &noise.slopes},
+                                                             {"free", &noise.free},
+                                                             {"rectified", &noise.rectified},
+                                                             {"clip", &noise.clip},
+                                                             {"below_clip", &noise.below_clip},
+                                                             {"detection_limits", &noise.detection_limits}};
     for (const auto& [name, values] : arrays) {
         if (values->size() != n)
             return Status::error(std::string(name) + " has " + std::to_string(values->size()) + " numbers for " +
                                  std::to_string(n) + " taxels");
         const double allowed = values == &noise.clip ? -infinity : values == &noise.repeats ? infinity : 0.0;
         for (double x : *values)
-            if (!std::isfinite(x) && x != allowed)
+            if (!std::isfinite(x) && x != allowed && values != &noise.detection_limits)
                 return Status::error(std::string(name) + " has a number that is not finite");
     }
     if (noise.dead.size() != n) return Status::error("dead must have a value for each taxel");
