@@ -16,7 +16,9 @@ import numpy as np
 
 from skin_calib_addon.calibration import LinkCalibration, Response, ResponseTable
 from skin_calib_addon.calibration.file import load_calibration, save_calibration
+from skin_calib_addon.common.errors import InvalidReading
 from skin_calib_addon.runtime import Body, BodyFrame, Frame, Plane, Skin
+from skin_calib_addon.runtime.noise_file import FIELDS
 from skin_calib_addon.runtime.trusted import STATEMENTS, Trusted
 from tests.samples import plane, small_calibration
 from tests.soles import cell_patch, sole_patch
@@ -112,6 +114,7 @@ CASES = {
     "below_rest": Case("small", {"switch_on": 1.0}, 2.0, frames=30, story=True),
     "noisy": Case("small", {}, 2.0, frames=200, story=True),
     "stuck": Case("small", {}, 2.0, frames=85, story=True),
+    "first_frames": Case("small", {}, frames=120, story=True),
 }
 
 
@@ -182,6 +185,8 @@ def story_of(skin: Skin, name: str, case: Case, rng: np.random.Generator) -> Ite
             noise[:3] *= 1 + 1.5 * (time > 0.8)
             noise[7] *= time < 0.2
             pressed = stands * (time > 7.8)
+        if name == "first_frames":  # a foot in the air, on the ground, and in the air again
+            pressed, shift = stands * (1.8 < time < 2.2), np.zeros(n)
         if name == "stuck":  # one taxel under a foot, then a frozen bus, then the bytes are swapped
             pressed = stands * (time > 0.2)
             noise[-1] *= time < 0.4
@@ -310,14 +315,18 @@ def write_case(name: str, case: Case) -> None:
             frame["mask"] = [skin.ids[2], skin.ids[5]] if k == 10 else []
             skin.mask(frame["mask"])
         frames.append(compact({**frame, "frame": record(skin.update(readings, time))}))
-    head = {"calibration": f"{case.calibration}.calibration.json", "noise": noise, "options": case.options}
+    learns = noise is None and skin.noise is not None
+    head = {"learns": True} if learns else {}
+    head |= {"calibration": f"{case.calibration}.calibration.json", "noise": noise, "options": case.options}
     write(name, head, frames)
 
 
-def write(name: str, head: dict, frames: list) -> None:
+def write(name: str, head: dict, frames: list, of: str = "frames") -> None:
     """Write a case: one line for its head, and one for each frame."""
     lines = ",\n".join(json.dumps(frame, separators=(",", ":")) for frame in frames)
-    (FOLDER / f"{name}.case.json").write_text(json.dumps(head)[:-1] + ', "frames": [\n' + lines + "\n]}\n")
+    (FOLDER / (f"{name}.case.json" if of == "frames" else f"{name}.json")).write_text(
+        json.dumps(head)[:-1] + f', "{of}": [\n' + lines + "\n]}\n"
+    )
 
 
 def write_body() -> None:
@@ -364,6 +373,44 @@ def write_body() -> None:
     write("body", {"links": links}, frames)
 
 
+TARES = {  # frames, offset, noise [counts], type of the numbers, and whether warnings are accepted
+    "quiet": (40, 0.0, 2.0, "uint16", False),
+    "few": (5, 0.0, 0.0, "uint16", False),
+    "loaded": (40, 100.0, 2.0, "uint16", False),
+    "loaded_accepted": (40, 100.0, 2.0, "uint16", True),
+    "touched": (40, 100.0, 2.0, "uint16", True),
+    "aligned": (40, 0.0, 2.0, "uint16", False),
+    "real": (40, 3.0, 1.0, "float64", True),
+}
+
+
+def write_tares() -> None:
+    """Write readings for a tare, and what a skin learns from them, or why it refuses them."""
+    rng, lines = np.random.default_rng(3), []
+    calibration = load_calibration(FOLDER / "mixed.calibration.json")
+    for name, (frames, offset, sigma, kind, accept) in TARES.items():
+        skin = skin_of(calibration, {})
+        rows = rest_counts(skin) + rng.normal(offset, sigma, (frames, skin.reading_length))
+        if name == "touched":
+            rows[20:, 3] -= 900
+        rows = np.maximum(rows, 0)
+        rows = 16 * np.rint(rows / 16) if name == "aligned" else np.round(rows, 0 if kind == "uint16" else 2)
+        lines.append(
+            compact({"name": name, "type": kind, "accept": accept, "readings": rows, **tared(skin, rows, kind, accept)})
+        )
+    write("mixed.tare", {"calibration": "mixed.calibration.json"}, lines, "tares")
+
+
+def tared(skin: Skin, rows: np.ndarray, kind: str, accept: bool) -> dict:
+    """Return what a skin learns from readings (frames, channels) at rest, or the first words of its refusal."""
+    try:
+        tare = skin.tare(rows.astype(kind), accept)
+    except InvalidReading as error:
+        return {"refused": str(error).split(". ")[0]}
+    noise = None if tare.noise is None else {name: getattr(tare.noise, name) for name in FIELDS}
+    return {"forces": tare.forces, "warnings": tare.warnings, "baseline": skin._readings.baseline, "noise": noise}
+
+
 def main() -> None:
     """Write all files."""
     for name, make in CALIBRATIONS.items():
@@ -371,6 +418,7 @@ def main() -> None:
     for name, case in CASES.items():
         write_case(name, case)
     write_body()
+    write_tares()
 
 
 if __name__ == "__main__":

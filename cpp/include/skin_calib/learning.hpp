@@ -383,7 +383,8 @@ inline std::optional<Noise> learned(const Frames& given, const TaxelResponses& r
             passes += weight * d * noisy[i], leaves_out += (1 - weight) * noisy[i];
         }
     }
-    noise.common = norm_of(alone) > 0 ? std::max(1.0, deviation / norm_of(alone)) : 1.0;
+    const bool has_sum = norm_of(alone) > 1e-9 * norm_of(noisy); // otherwise rounding
+    noise.common = has_sum ? std::max(1.0, deviation / norm_of(alone)) : 1.0;
     noise.load_limit = load_limit * noise.common * norm_of(noisy);
     for (double x : noisy)
         noise.rectified.push_back(x * (passes / std::max(leaves_out, std::numeric_limits<double>::min())));
