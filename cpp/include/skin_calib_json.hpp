@@ -159,6 +159,9 @@ inline Calibration calibration_of(const Json& document) {
     c.responses.push_back(response_of(member(document, "response")));
     if (document.contains("responses"))
         for (const Json& r : list(document["responses"], "responses")) c.responses.push_back(response_of(r));
+    if (document.contains("modalities"))
+        for (const Json& m : list(document["modalities"], "modalities"))
+            c.modalities.push_back(text(member(m, "name"), "name").substr(0, 80));
     std::vector<std::vector<std::string>> near;
     c.max_load = 0;
     for (const Json& patch : list_of(document, "patches")) add_patch(patch, c.responses.size() - 1, c, near);
@@ -351,7 +354,8 @@ inline Status save_noise(const std::string& path, const Skin& skin) noexcept {
     });
 }
 
-// Read a calibration file, and a noise file if its path is not empty, and start the skin.
+// Read a calibration file, and a noise file if its path is not empty, and start the skin. The message of a status that
+// is ok names the modalities that are not computed; it is empty without any.
 inline Status load(const std::string& path, const std::string& noise_path, const Options& options,
                    Skin& skin) noexcept {
     return reading::caught([&] {
@@ -359,7 +363,11 @@ inline Status load(const std::string& path, const std::string& noise_path, const
         Noise noise;
         Status status = load_calibration(path, calibration);
         if (status.ok && !noise_path.empty()) status = load_noise(noise_path, calibration, noise);
-        return status.ok ? skin.start(calibration, options, noise_path.empty() ? nullptr : &noise) : status;
+        if (status.ok) status = skin.start(calibration, options, noise_path.empty() ? nullptr : &noise);
+        if (!status.ok || calibration.modalities.empty()) return status;
+        status.message = "not computed here, use Python for the modalities:";
+        for (const std::string& name : calibration.modalities) status.message += " " + name;
+        return status;
     });
 }
 

@@ -31,7 +31,8 @@ using Booleans = std::vector<std::uint8_t>; // 0 or 1 for each taxel
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
 inline constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 
-// Whether something worked; otherwise a sentence that says what is wrong, and where.
+// Whether something worked; otherwise a sentence that says what is wrong, and where. `load` also says what it leaves
+// out.
 struct [[nodiscard]] Status {
     bool ok = true;
     std::string message;
@@ -137,8 +138,9 @@ struct Calibration {
     std::vector<std::vector<Vec3>> corners;         // of the cells [m]
     std::vector<std::array<std::int32_t, 2>> pairs; // rows of neighbours, the lower row first
     std::vector<Response> responses;
-    Rows response;              // index of the response of each taxel
-    double max_load = infinity; // largest plausible force on all of them [N]
+    Rows response;                       // index of the response of each taxel
+    std::vector<std::string> modalities; // names of quantities that are not computed here
+    double max_load = infinity;          // largest plausible force on all of them [N]
 };
 
 // What `tare` learnt: baseline, noise of each taxel at rest, and the levels of signed readings that follow from it.
