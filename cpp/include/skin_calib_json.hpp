@@ -2,6 +2,8 @@
 // wrong. The reader checks all that the runtime needs; "skin-calib check" checks everything, and the checksum.
 #pragma once
 
+#include <charconv>
+#include <cstdio>
 #include <fstream>
 #include <new>
 #include <nlohmann/json.hpp>
@@ -10,6 +12,7 @@
 #include <unordered_map>
 
 #include "skin_calib.hpp"
+#include "skin_calib/sha256.hpp"
 
 namespace skin_calib {
 namespace reading {
@@ -156,6 +159,9 @@ inline Calibration calibration_of(const Json& document) {
     c.responses.push_back(response_of(member(document, "response")));
     if (document.contains("responses"))
         for (const Json& r : list(document["responses"], "responses")) c.responses.push_back(response_of(r));
+    if (document.contains("modalities"))
+        for (const Json& m : list(document["modalities"], "modalities"))
+            c.modalities.push_back(text(member(m, "name"), "name").substr(0, 80));
     std::vector<std::vector<std::string>> near;
     c.max_load = 0;
     for (const Json& patch : list_of(document, "patches")) add_patch(patch, c.responses.size() - 1, c, near);
@@ -186,19 +192,16 @@ inline Noise noise_of(const Json& document, const Calibration& calibration) {
     const Json& levels = member(document, "noise");
     if (levels.is_null()) return noise;
     noise.is_known = true;
-    const std::pair<const char*, Numbers*> arrays[] = {{"mean", &noise.mean},
-                                                       {"sigma", &noise.sigma},
-                                                       {"sure", &noise.sure},
-                                                       {"lasting", &noise.lasting},
-                                                       {"pair", &noise.pair},
-                                                       {"possible", &noise.possible},
-                                                       {"release", &noise.release},
-                                                       {"slopes", &noise.slopes},
-                                                       {"free", &noise.free},
-                                                       {"rectified", &noise.rectified},
-                                                       {"below_clip", &noise.below_clip}};
+    const std::pair<const char*, Numbers*> arrays[] = {
+        {"mean", &noise.mean},       {"sigma", &noise.sigma},         {"sure", &noise.sure},
+        {"lasting", &noise.lasting}, {"pair", &noise.pair},           {"possible", &noise.possible},
+        {"release", &noise.release}, {"lowest", &noise.lowest},       {"slopes", &noise.slopes},
+        {"free", &noise.free},       {"rectified", &noise.rectified}, {"below_clip", &noise.below_clip}};
     for (const auto& [name, values] : arrays) *values = numbers(member(levels, name), name, n);
     noise.clip = numbers(member(levels, "clip"), "clip", n, -infinity);
+    noise.detection_limits = numbers(member(levels, "detection_limits"), "detection_limits", n, not_a_number);
+    noise.repeats = numbers(member(levels, "repeats"), "repeats", n, infinity);
+    noise.frame_repeats = number(member(levels, "frame_repeats"), "frame_repeats", infinity);
     for (const Json& x : list_of(levels, "dead", n)) {
         if (!x.is_boolean()) throw Wrong{"'dead' must have true and false only"};
         noise.dead.push_back(x.get<bool>());
@@ -257,6 +260,53 @@ inline std::string contents(const std::string& path) {
     return text.str();
 }
 
+// Return a number as Python writes it, null if it is not finite: the checksum depends on each digit.
+inline std::string as_json(double x) {
+    if (!std::isfinite(x)) return "null";
+    char buffer[64];
+    const auto end = std::to_chars(buffer, buffer + sizeof buffer, x, std::chars_format::scientific).ptr;
+    const std::string text(buffer, end);
+    const std::size_t e = text.find('e'), first = text[0] == '-' ? 1 : 0;
+    const int exponent = std::atoi(text.c_str() + e + 1);
+    if (exponent < -4 || exponent >= 16) return text; // the exponent has two digits at least in both languages
+    std::string digits = text.substr(first, 1) + (e > first + 1 ? text.substr(first + 2, e - first - 2) : "");
+    const auto whole = static_cast<std::size_t>(std::max(exponent, 0)) + 1;
+    if (exponent < 0) digits.insert(0, static_cast<std::size_t>(-exponent), '0');
+    if (digits.size() < whole + 1) digits.append(whole + 1 - digits.size(), '0');
+    return text.substr(0, first) + digits.substr(0, whole) + "." + digits.substr(whole);
+}
+
+inline std::string as_json(const Numbers& values) {
+    std::string text = "[";
+    for (double x : values) text += (text.size() > 1 ? "," : "") + as_json(x);
+    return text + "]";
+}
+
+// Return the content of a noise file of a skin, in the form of which the checksum is computed: names in order.
+inline std::string noise_text(const Skin& skin) {
+    const Calibration& c = skin.geometry.calibration;
+    std::string text = "null";
+    if (skin.noise()) {
+        const Noise& noise = *skin.noise();
+        text = "{\"below_clip\":" + as_json(noise.below_clip) + ",\"clip\":" + as_json(noise.clip) +
+               ",\"common\":" + as_json(noise.common) + ",\"dead\":[";
+        for (std::size_t i = 0; i < noise.dead.size(); ++i)
+            text += std::string(i > 0 ? "," : "") + (noise.dead[i] ? "true" : "false");
+        text += "],\"detection_limits\":" + as_json(noise.detection_limits) +
+                ",\"frame_repeats\":" + as_json(noise.frame_repeats) + ",\"free\":" + as_json(noise.free) +
+                ",\"free_sum\":" + as_json(noise.free_sum) + ",\"lasting\":" + as_json(noise.lasting) +
+                ",\"load_level\":" + as_json(noise.load_level) + ",\"load_limit\":" + as_json(noise.load_limit) +
+                ",\"lowest\":" + as_json(noise.lowest) + ",\"mean\":" + as_json(noise.mean) +
+                ",\"pair\":" + as_json(noise.pair) + ",\"possible\":" + as_json(noise.possible) +
+                ",\"rectified\":" + as_json(noise.rectified) + ",\"release\":" + as_json(noise.release) +
+                ",\"repeats\":" + as_json(noise.repeats) + ",\"sigma\":" + as_json(noise.sigma) +
+                ",\"sign\":" + as_json(skin.responses.sign) + ",\"slopes\":" + as_json(noise.slopes) +
+                ",\"sure\":" + as_json(noise.sure) + "}";
+    }
+    return "{\"baseline\":" + as_json(skin.baseline()) + ",\"calibration\":" + Json(c.checksum).dump() +
+           ",\"format\":\"skin-noise\",\"link\":" + Json(c.link).dump() + ",\"noise\":" + text + ",\"version\":1}";
+}
+
 } // namespace reading
 
 // Read the bytes of a calibration file.
@@ -289,7 +339,23 @@ inline Status load_noise(const std::string& path, const Calibration& calibration
     return reading::caught([&] { return read_noise(reading::contents(path), calibration, noise); });
 }
 
-// Read a calibration file, and a noise file if its path is not empty, and start the skin.
+// Write what a skin learned at rest to a noise file, in one step. Python reads it, too.
+inline Status save_noise(const std::string& path, const Skin& skin) noexcept {
+    return reading::caught([&] {
+        std::string text = reading::noise_text(skin);
+        const std::string checksum = sha256(text), part = path + ".part";
+        text.insert(text.size() - 1, ",\"checksum\":\"sha256:" + checksum + "\"");
+        std::ofstream file(part, std::ios::binary);
+        file << text << '\n';
+        file.close();
+        if (!file || std::rename(part.c_str(), path.c_str()) != 0)
+            return Status::error("cannot write '" + path.substr(0, 200) + "'");
+        return Status{};
+    });
+}
+
+// Read a calibration file, and a noise file if its path is not empty, and start the skin. The message of a status that
+// is ok names the modalities that are not computed; it is empty without any.
 inline Status load(const std::string& path, const std::string& noise_path, const Options& options,
                    Skin& skin) noexcept {
     return reading::caught([&] {
@@ -297,7 +363,11 @@ inline Status load(const std::string& path, const std::string& noise_path, const
         Noise noise;
         Status status = load_calibration(path, calibration);
         if (status.ok && !noise_path.empty()) status = load_noise(noise_path, calibration, noise);
-        return status.ok ? skin.start(calibration, options, noise_path.empty() ? nullptr : &noise) : status;
+        if (status.ok) status = skin.start(calibration, options, noise_path.empty() ? nullptr : &noise);
+        if (!status.ok || calibration.modalities.empty()) return status;
+        status.message = "not computed here, use Python for the modalities:";
+        for (const std::string& name : calibration.modalities) status.message += " " + name;
+        return status;
     });
 }
 

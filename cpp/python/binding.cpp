@@ -24,6 +24,7 @@ Options options_of(const py::dict& given) {
         if (name == "switch_on") options.switch_on = value.cast<double>();
         if (name == "switch_off") options.switch_off = value.cast<double>();
         if (name == "in_cell") options.in_cell = value.cast<bool>();
+        if (name == "follow_drift") options.follow_drift = value.cast<bool>();
         if (name == "creep") options.creep = value.cast<Vec2>();
         if (name == "ground") options.ground = Plane::through(value["point"].cast<Vec3>(), value["up"].cast<Vec3>());
     }
@@ -47,6 +48,10 @@ py::array_t<bool> booleans(const Booleans& values) {
     py::array_t<bool> result(static_cast<py::ssize_t>(values.size()));
     std::copy(values.begin(), values.end(), result.mutable_data());
     return result;
+}
+
+std::vector<bool> statements(const Trusted& trusted) {
+    return {trusted.touched, trusted.wrench, trusted.point, trusted.guaranteed};
 }
 
 py::list names_of(Flags flags) {
@@ -79,7 +84,9 @@ py::dict record(const Frame& frame) {
     py::dict result;
     result["flags"] = names_of(frame.flags);
     result["touched"] = frame.touched();
+    result["trusted"] = statements(frame.trusted());
     result["known"] = booleans(frame.known);
+    result["stuck"] = booleans(frame.stuck);
     result["forces"] = array(frame.forces);
     result["stands"] = frame.sets.stands;
     result["active"] = booleans(frame.sets.active);
@@ -154,6 +161,7 @@ struct BodyOf {
             if (frame.standing[k]) standing.append(names[k]);
         }
         result["flags"] = flags;
+        result["trusted"] = statements(frame.trusted);
         result["lost"] = lost;
         result["standing"] = standing;
         result["wrench"] = frame.wrench;
@@ -180,6 +188,21 @@ PYBIND11_MODULE(skin_calib_cpp, module) {
                      return skin;
                  }),
              py::arg("calibration"), py::arg("noise") = py::none(), py::arg("options") = py::dict())
+        .def("tare",
+             [](Skin& skin, const Doubles& rows, const std::string& type, bool accept) {
+                 Tare tare;
+                 const auto frames = static_cast<std::size_t>(rows.shape(0)),
+                            channels = static_cast<std::size_t>(rows.shape(1));
+                 Status status;
+                 if (type == "uint16") {
+                     const std::vector<std::uint16_t> whole(rows.data(), rows.data() + rows.size());
+                     status = skin.tare(whole.data(), frames, channels, tare, accept);
+                 } else {
+                     status = skin.tare(rows.data(), frames, channels, tare, accept);
+                 }
+                 return py::make_tuple(status.message, array(tare.forces), tare.has_noise, tare.warnings);
+             })
+        .def("save_noise", [](const Skin& skin, const std::string& path) { raise(save_noise(path, skin)); })
         .def("mask", [](Skin& skin, const std::vector<std::string>& ids) { raise(skin.mask(ids)); })
         .def("update", [](Skin& skin, const Doubles& readings, double time) {
             return record(skin.update(readings.data(), static_cast<std::size_t>(readings.size()), time));

@@ -74,6 +74,10 @@ void refuses_files(const std::string& folder) {
         {"null", [](Json& d) { d["noise"]["mean"][0] = nullptr; }},
         {"sigma", [](Json& d) { d["noise"]["sigma"][0] = 0; }},
         {"sign", [](Json& d) { d["noise"]["sign"][0] = -1; }},
+        {"lowest", [](Json& d) { d["noise"]["lowest"][0] = nullptr; }},
+        {"repeats", [](Json& d) { d["noise"]["repeats"][0] = 0; }},
+        {"frame_repeats", [](Json& d) { d["noise"]["frame_repeats"] = -1; }},
+        {"limits", [](Json& d) { d["noise"].erase("detection_limits"); }},
         {"dead", [](Json& d) { d["noise"]["dead"][0] = 1; }},
         {"baseline", [](Json& d) { d.erase("baseline"); }},
     };
@@ -103,9 +107,11 @@ void flags_readings(const std::string& folder) {
     std::vector<std::uint16_t> counts(n, 500);
     const std::size_t before = allocations;
     const auto flags = [&](double time) { return skin.update(readings.data(), readings.size(), time).flags; };
+    const auto flags_of = [&](const auto& values, double time) { return skin.update(values.data(), n, time).flags; };
     must(skin.update(counts.data(), n, 0.0).stands(), "whole numbers are readings");
     must(skin.update(counts.data(), n - 1, 0.001).has(flag::wrong_length), "short readings are flagged");
     must(!skin.update(counts.data(), n - 1, 0.002).touched(), "then nothing is known");
+    must(!skin.update(counts.data(), n - 1, 0.002).trusted().guaranteed, "and nothing is guaranteed");
     must(flags(not_a_number) & flag::time_not_finite, "a time that is not finite is flagged");
     must(flags(-5.0) & flag::time_back, "time that goes back is flagged");
     must(flags(-5.0) & flag::time_still, "time that stands still is flagged");
@@ -124,7 +130,58 @@ void flags_readings(const std::string& folder) {
         }
         skin.update(readings.data(), readings.size(), 0.001 * k);
     }
+    for (int k = 0; k < 30; ++k) skin.update(counts.data(), n, 4.0 + 0.04 * k);
+    must((flags_of(counts, 5.2) & (flag::frozen | flag::stuck)) == (flag::frozen | flag::stuck),
+         "a frozen bus is flagged");
+    for (int k = 0; k < 100; ++k) { // readings below those of the tare
+        for (double& x : readings) {
+            state = state * 1664525u + 1013904223u;
+            x = -6.0 + static_cast<double>(state >> 30);
+        }
+        skin.update(readings.data(), n, 5.24 + 0.04 * k);
+    }
+    must(flags(9.3) & flag::drift, "a drift is flagged");
     must(allocations == before, "update allocates no memory");
+}
+
+// A tare refuses what it must; a skin that has learned allocates no memory, and its file is that of the skin.
+void learns(const std::string& folder) {
+    Skin skin;
+    Tare tare;
+    std::vector<std::uint16_t> rows;
+    must(!skin.tare(rows.data(), 1, 1, tare).ok, "a skin that was not started learns nothing");
+    must(load(folder + "/small.calibration.json", "", {}, skin).ok, "the skin is valid");
+    const std::size_t n = skin.reading_length();
+    must(!skin.tare<double>(nullptr, 5, n, tare).ok, "no readings are refused");
+    unsigned state = 1;
+    const auto quiet = [&] { return static_cast<std::uint16_t>((state = state * 1664525u + 1013904223u) >> 30); };
+    for (std::size_t k = 0; k < 250 * n; ++k) rows.push_back(quiet());
+    must(!skin.tare(rows.data(), 250, n - 1, tare).ok, "short readings are refused");
+    const Numbers broken(40 * n, not_a_number), huge(40 * n, 1e300);
+    (void)skin.tare(broken.data(), 40, n, tare, true), (void)skin.tare(huge.data(), 40, n, tare, true);
+    for (std::size_t k = 0; k < 400; ++k) skin.update(rows.data() + (k % 250) * n, n, 0.004 * static_cast<double>(k));
+    must(skin.noise().has_value(), "a skin learns from its first quiet frames");
+    must(skin.update(rows.data(), n, 1.604).has(flag::rest_assumed), "and says that it assumes a rest");
+    const std::size_t before = allocations;
+    for (std::size_t k = 0; k < 400; ++k)
+        skin.update(rows.data() + (k % 250) * n, n, 1.608 + 0.004 * static_cast<double>(k));
+    must(allocations == before, "once it has learned, update allocates no memory");
+    must(skin.tare(rows.data(), 250, n, tare).ok && tare.has_noise, "a tare is accepted");
+    must(!skin.update(rows.data(), n, 4.0).has(flag::rest_assumed | flag::noise_unknown), "after it the rest is known");
+    const std::string path = "learned.noise.json", refused = "/nowhere/learned.noise.json";
+    must(!save_noise(refused, skin).ok, "a file that cannot be written");
+    must(save_noise(path, skin).ok, "the noise is saved");
+    Skin again;
+    must(load(folder + "/small.calibration.json", path, {}, again).ok, "and read");
+    must(again.baseline() == skin.baseline() && again.noise()->sure == skin.noise()->sure, "to the bit");
+    std::remove(path.c_str());
+    must(sha256("abc") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad", "the hash of FIPS 180-4");
+    Json document = Json::parse(reading::contents(folder + "/small.calibration.json"));
+    document["modalities"] = Json::array({{{"name", "proximity"}}});
+    std::ofstream("modalities.calibration.json") << document;
+    const Status status = load("modalities.calibration.json", "", {}, again);
+    must(status.ok && status.message.find("proximity") != std::string::npos, "a modality that is left out is named");
+    std::remove("modalities.calibration.json");
 }
 
 void flags_bodies(const std::string& folder) {
@@ -156,6 +213,7 @@ int main(int count, char** arguments) {
     const std::string folder = count > 1 ? arguments[1] : ".";
     refuses_files(folder);
     flags_readings(folder);
+    learns(folder);
     flags_bodies(folder);
     std::printf("%d wrong\n", wrong);
     return wrong != 0;

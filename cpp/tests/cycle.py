@@ -3,7 +3,7 @@
     python -m cpp.tests.cycle [--program build/cpp/cycle] [--frames 100000] [--python 2000] [--straightforward]
 
 A frame has all results: contacts, wrench, CoP, ZMP, standard deviations and the three polygons. Times are those of the
-thread on the processor [us]. "Python" is the runtime that watches faults too. The scenes are those of
+thread on the processor [us]. The scenes are those of
 `benchmarks/cycle.py`.
 """
 

@@ -26,9 +26,12 @@ from tests.soles import cell_patch, sole_patch
 from tests.vectors.make import record, record_body, rest_counts, skin_of
 
 FRAMES = 100  # of one skin
+CALM_FRAMES = 300  # of a skin whose contacts and faults last: blocks of the drift end
 SUM = 1e-12  # [1] difference of sums, relative to the sum of the sizes of what they add
 LENGTH = 1e-8  # [m] distance of polygons: some steps of the grid on which hulls are exact
-EXACT = ("flags", "touched", "known", "stands", "active", "sure", "possible", "is_standing", "forces", "force_sigmas")
+EXACT = ("flags", "trusted", "touched", "known", "stuck", "stands", "active", "sure", "possible", "is_standing")
+EXACT += ("forces", "force_sigmas")
+FAULTS = {"drift", "noisy", "stuck", "frozen", "below_rest", "byte_order"}
 
 
 class Difference(Exception):
@@ -44,11 +47,14 @@ class Comparison:
         self.counts: Counter = Counter()
 
     def frames(self, python: dict, cpp: dict, upward: float, cancels: float) -> None:
-        """Compare the records of one frame with a force ``upward`` of all taxels [N]; see :func:`cancellation`."""
+        """Compare the records of one frame with a force ``upward`` of all taxels [N].
+
+        The size of what its sums add is larger than that of the parts of the sums by a factor ``cancels``.
+        """
         cpp["flags"] = sorted(cpp["flags"])
         for name in EXACT:
             self.exact(name, python[name], cpp[name])
-        size = python["size"] = python["size"] * cancels
+        size = python["size"]
         self.contacts(python["contacts"], cpp["contacts"])
         for name in ("wrench", "load"):
             self.close(name, python[name], cpp[name], size)
@@ -60,9 +66,11 @@ class Comparison:
         self.counts["with CoP"] += python["cop"] is not None
         self.counts["guaranteed"] += python["guaranteed"] is not None and len(python["guaranteed"]) > 2
         self.counts["unknown taxels"] += not python["known"].all()
+        self.counts.update(flag for flag in python["flags"] if flag in FAULTS)
 
     def bodies(self, python: dict, cpp: dict, size: float, upward: float) -> None:
         """Compare the records of one frame of a body; ``size`` is the sum of the sizes of the forces [N]."""
+        self.exact("trusted", python["trusted"], cpp["trusted"])
         for name in ("flags", "lost", "standing"):
             self.exact(name, sorted(python[name]), sorted(cpp[name]))
         self.close("wrench", python["wrench"], cpp["wrench"], 3 * size)
@@ -251,6 +259,8 @@ def random_options(rng: np.random.Generator) -> dict:
     if rng.random() < 0.3:
         options["in_cell"] = True
     if rng.random() < 0.2:
+        options["follow_drift"] = False
+    if rng.random() < 0.2:
         options["creep"] = [float(rng.uniform(0, 0.3)), float(rng.uniform(0.01, 1))]
     if rng.random() < 0.25:
         options["ground"] = {"point": rng.uniform(-0.1, 0.1, 3).tolist(), "up": [*rng.normal(0, 0.2, 2).tolist(), 1.0]}
@@ -263,14 +273,23 @@ class Pair:
     def __init__(self, rng: np.random.Generator, link: str = "link"):
         self.rng, self.options = rng, random_options(rng)
         calibration = random_calibration(rng, link)
-        self.python = skin_of(calibration, self.options)
-        self.python._rest = None  # it learns no noise by itself
+        self.python = self._skin(calibration)
         self.noise, self.calibration = None, json.dumps(to_document(calibration)).encode()
         self.sigma = float(rng.choice((0.0, 0.4, 2.0, 8.0)))
         responses = self.python._readings.responses
         self.span = np.where(np.isfinite(responses.full), responses.full, 3000.0) - responses.rest
         if rng.random() < 0.8:
             self._tare(calibration)
+        n = len(self.python.ids)
+        self.is_calm, self.pace = rng.random() < 0.6, float(rng.choice((0.001, 0.004, 0.04, 0.1)))
+        self.pressed, self.shift, self.growth = np.zeros(n), np.zeros(n), np.ones(n)
+        self.held, self.is_swapped, self.last = np.zeros(n, bool), False, rest_counts(self.python)
+
+    def _skin(self, calibration: LinkCalibration) -> Skin:
+        """Return a skin that learns no noise by itself."""
+        skin = skin_of(calibration, self.options)
+        skin._rest = None
+        return skin
 
     def _tare(self, calibration: LinkCalibration) -> None:
         rng = self.rng
@@ -282,22 +301,59 @@ class Pair:
         if rng.random() < 0.3:
             rows[:, rng.integers(rows.shape[1])] = 7.0
         self.python.tare(rows, accept=True)
-        self.python._rest = None
-        noise = self.python.noise
+        noise, taught = self.python.noise, self.python
+        self.python = self._skin(calibration)
         if noise is not None and noise.load_level < 1e-9 * np.abs(noise.free * noise.slopes).sum():
-            self.python = skin_of(calibration, self.options)  # readings without noise: rounding decides what a load is
-            self.python._rest = None
-            return
+            return  # readings without noise: rounding decides what a load is
         with TemporaryDirectory() as folder:
-            self.python.save_noise(Path(folder) / "noise.json")
+            taught.save_noise(Path(folder) / "noise.json")
             self.noise = (Path(folder) / "noise.json").read_bytes()
+            self.python.load_noise(Path(folder) / "noise.json")
+        self.python._rest = None
 
     def cpp(self, module):
         """Return the skin in C++."""
         return module.Skin(self.calibration, self.noise, self.options)
 
     def readings(self, centre: np.ndarray) -> np.ndarray:
-        """Return a reading: one or two contacts, all taxels, or none, with noise and broken taxels."""
+        """Return a reading with contacts, noise and faults."""
+        rng, skin = self.rng, self.python
+        if not self.is_calm or rng.random() < 0.02:
+            self.pressed = self._pressed(centre)
+        if self.is_calm and rng.random() < 0.02:
+            self._begin_fault()
+        counts, rest = rest_counts(skin), skin.channels
+        noise = rng.normal(0, self.sigma, len(counts))
+        noise[rest] *= self.growth
+        counts[rest] += self.span * self.pressed + self.shift
+        counts = counts + noise
+        counts = np.rint(counts) if self.is_calm or rng.random() < 0.8 else counts
+        if self.is_swapped:
+            counts = np.clip(counts, 0, 65535).astype(np.uint16).byteswap().astype(float)
+        counts[rest[self.held]] = self.last[rest[self.held]]
+        self.last = counts.copy()
+        for value in (np.nan, np.inf, -np.inf, 1e300, -1e300):
+            if rng.random() < (0.002 if self.is_calm else 0.02):
+                counts[rng.random(len(counts)) < rng.choice((0.02, 0.5))] = value
+        return counts[: rng.integers(len(counts) + 1)] if rng.random() < 0.01 else counts
+
+    def _begin_fault(self) -> None:
+        """Begin or end a drift, noise that grew, taxels or a bus that send one number, or swapped bytes."""
+        rng, n = self.rng, len(self.python.ids)
+        some = rng.random(n) < rng.choice((0.05, 0.3, 1.1))
+        kind = rng.integers(7)
+        if kind in (0, 6):
+            self.shift = self.shift + rng.normal(0, max(self.sigma, 0.5)) * rng.choice((0.5, 2.0)) * some
+        if kind in (1, 2):
+            self.growth = np.where(some, rng.choice((0.1, 4.0)), self.growth)
+        if kind == 3:
+            self.held = some
+        if kind == 4:
+            self.held, self.shift, self.growth = np.zeros(n, bool), np.zeros(n), np.ones(n)
+        self.is_swapped = kind == 5 and rng.random() < 0.3
+
+    def _pressed(self, centre: np.ndarray) -> np.ndarray:
+        """Return pressures (n,) relative to the range: one or two contacts, all taxels, or none."""
         rng, skin = self.rng, self.python
         near = np.exp(-(((skin.positions - centre) ** 2).sum(axis=1)) / rng.uniform(0.005, 0.06) ** 2)
         kind = rng.integers(8)
@@ -308,29 +364,29 @@ class Pair:
             pressed = np.full(len(near), rng.choice((0.0005, 0.002, 0.01, 0.2)))
         if kind == 2:
             pressed += (rng.random(len(near)) < 0.2) * rng.uniform(0, 0.3)
-        counts = rest_counts(skin)
-        counts[skin.channels] += self.span * pressed
-        counts = counts + rng.normal(0, self.sigma, len(counts))
-        counts = np.rint(counts) if rng.random() < 0.8 else counts
-        for value in (np.nan, np.inf, -np.inf, 1e300, -1e300):
-            if rng.random() < 0.02:
-                counts[rng.random(len(counts)) < rng.choice((0.02, 0.5))] = value
-        return counts[: rng.integers(len(counts) + 1)] if rng.random() < 0.01 else counts
+        return pressed
 
     def step(self) -> float:
         """Return the time to the next frame [s]."""
+        if self.is_calm and self.rng.random() < 0.98:
+            return self.pace
         steps = {0.001: 0.8, 0.004: 0.1, 0.1: 0.04, 0.0: 0.02, -0.01: 0.02, 2.0: 0.01, 70.0: 0.01}
         return float(self.rng.choice(list(steps), p=list(steps.values())))
 
 
-def cancellation(skin: Skin, counts: np.ndarray) -> float:
-    """Return the sum of the sizes of all readings over their sum without the mean at rest, on which weights depend."""
-    noise = skin.noise
+def size_of(skin: Skin, frame: Frame, counts: np.ndarray) -> float:
+    """Return the sum of the sizes of what the sums of a frame add [N].
+
+    Weights, and the load that the noise may hide, depend on the sum of all readings without the mean at rest: the
+    readings are much larger.
+    """
+    size, noise = float(np.abs(frame.pushes).sum()), skin.noise
     if noise is None:
-        return 1.0
+        return size
     signed = noise.signed(counts[skin.channels])
     signed = np.where(np.abs(signed) < 1e100, signed, noise.free)
-    return 1.0 + float(np.abs(signed * noise.slopes).sum()) / max(abs(float(noise.excess(signed))), 1e-9)
+    of_readings = float(np.abs(signed * noise.slopes).sum())
+    return size * (1.0 + of_readings / max(abs(float(noise.excess(signed))), 1e-9)) if size else of_readings
 
 
 def is_tie(frame: Frame) -> bool:
@@ -350,7 +406,8 @@ def compare_skin(module, comparison: Comparison, seed: int) -> int:
     except ValueError as error:
         raise Difference(f"C++ refuses the skin: {error}") from error
     python, now, centre, counts = pair.python, 0.0, pair.python.positions[0], None
-    for _ in range(FRAMES):
+    frames = CALM_FRAMES if pair.is_calm else FRAMES
+    for _ in range(frames):
         now += pair.step()
         centre = centre + rng.normal(0, 0.003, 3)
         if rng.random() < 0.2:
@@ -362,12 +419,15 @@ def compare_skin(module, comparison: Comparison, seed: int) -> int:
             cpp.mask(masked)
         at = now if rng.random() < 0.99 else float(rng.choice((np.nan, np.inf)))
         frame = python.update(counts, at)
-        upward = 0.0 if frame.sums is None else float(frame.sums[9])
-        cancels = 1.0 if frame.sets is None else cancellation(python, counts)
+        upward, cancels = 0.0 if frame.sums is None else float(frame.sums[9]), 1.0
         expected, found = record(frame), cpp.update(counts, at)
+        if frame.sets is not None:
+            size = size_of(python, frame, counts)
+            cancels = size / expected["size"] if expected["size"] else 1.0
+            expected["size"] = size
         if not is_tie(frame):
             comparison.frames(expected, found, upward, cancels)
-    return FRAMES
+    return frames
 
 
 def compare_body(module, comparison: Comparison, seed: int) -> int:
@@ -379,7 +439,7 @@ def compare_body(module, comparison: Comparison, seed: int) -> int:
     cpp = module.Body([(name, pair.calibration, pair.noise, pair.options) for name, pair in pairs.items()])
     now = 0.0
     for _ in range(FRAMES):
-        now += 0.004
+        now += pairs[names[0]].pace
         readings, poses = {}, {}
         for name, pair in pairs.items():
             if rng.random() < 0.97:

@@ -11,6 +11,7 @@ using reading::Json;
 namespace {
 
 int wrong = 0, compared = 0;
+double learned_tolerance = 0; // of a skin that learned its noise, relative: sums of many readings
 std::string where;
 
 void report(const char* name, const std::string& expected, const std::string& found) {
@@ -35,7 +36,8 @@ void compare(const char* name, const Json& expected, double found, double tolera
     ++compared;
     const double x = number(expected);
     const bool is_equal = x == found || (std::isnan(x) && std::isnan(found));
-    if (!(is_equal || std::abs(x - found) <= tolerance)) report(name, expected.dump(), std::to_string(found));
+    if (!(is_equal || std::abs(x - found) <= tolerance + learned_tolerance * (1 + std::abs(x))))
+        report(name, expected.dump(), std::to_string(found));
 }
 
 template <class Values>
@@ -79,6 +81,11 @@ void compare(const char* name, const Json& expected, const Polygon& found) {
         if (!(found.margin(p) >= -1e-8)) report(name, expected.dump(), "a missing corner");
 }
 
+void compare(const char* name, const Json& expected, const std::string& found) {
+    ++compared;
+    if (expected != found) report(name, expected.dump(), found);
+}
+
 void compare(const Json& expected, const SupportingPolygon& found) {
     compare("outer", expected["outer"], found.outer);
     compare("nominal", expected["nominal"], found.nominal);
@@ -98,6 +105,10 @@ void compare_names(const char* name, const Json& expected, std::vector<std::stri
     if (expected != Json(found)) report(name, expected.dump(), Json(found).dump());
 }
 
+void compare_trusted(const Json& expected, const Trusted& found) {
+    compare("trusted", expected["trusted"], Booleans{found.touched, found.wrench, found.point, found.guaranteed});
+}
+
 void compare(const Json& expected, const Frame& frame) {
     std::vector<std::string> flags;
     add_flags(flags, frame.flags);
@@ -105,7 +116,9 @@ void compare(const Json& expected, const Frame& frame) {
     compare("touched", expected["touched"], frame.touched());
     compare("stands", expected["stands"], frame.sets.stands);
     compare("is_standing", expected["is_standing"], std::optional<bool>(frame.stands()));
+    compare_trusted(expected, frame.trusted());
     compare("known", expected["known"], frame.known);
+    compare("stuck", expected["stuck"], frame.stuck);
     compare("active", expected["active"], frame.sets.active);
     compare("sure", expected["sure"], frame.sets.sure);
     compare("possible", expected["possible"], frame.sets.possible);
@@ -154,18 +167,67 @@ void start(const Json& link, const std::filesystem::path& folder, Skin& skin) {
         if (given.contains("ground"))
             options.ground = Plane::through(given["ground"]["point"].get<Vec3>(), given["ground"]["up"].get<Vec3>());
         options.in_cell = given.value("in_cell", false);
+        options.follow_drift = given.value("follow_drift", true);
     }
     const Status status = load(file("calibration"), link["noise"].is_null() ? "" : file("noise"), options, skin);
     if (!status.ok) report("the skin", "valid", status.message);
 }
 
+void must_start(const std::string& path, Skin& skin) {
+    if (const Status status = load(path, "", {}, skin); !status.ok) report("the skin", "valid", status.message);
+}
+
 void compare_skin(const Json& test, const std::filesystem::path& folder) {
     Skin skin;
+    learned_tolerance = test.value("learns", false) ? 1e-9 : 0.0;
     start(test, folder, skin);
     for (const Json& expected : test["frames"]) {
         if (expected.contains("mask") && !skin.mask(expected["mask"].get<std::vector<std::string>>()).ok) ++wrong;
         const Numbers readings = numbers(expected["readings"]);
         compare(expected["frame"], skin.update(readings.data(), readings.size(), number(expected["time"])));
+    }
+}
+
+// Compare what a skin learns at rest, and the refusals.
+void compare_tares(const Json& test, const std::filesystem::path& folder) {
+    learned_tolerance = 1e-9;
+    for (const Json& line : test["tares"]) {
+        where = "tare " + line["name"].get<std::string>();
+        Skin skin;
+        Tare tare;
+        must_start((folder / test["calibration"].get<std::string>()).string(), skin);
+        Numbers rows;
+        for (const Json& row : line["readings"])
+            for (const Json& x : row) rows.push_back(number(x));
+        const std::size_t frames = line["readings"].size();
+        const bool accept = line["accept"].get<bool>();
+        const std::vector<std::uint16_t> whole(rows.begin(), rows.end());
+        const Status status = line["type"] == "uint16"
+                                  ? skin.tare(whole.data(), frames, rows.size() / frames, tare, accept)
+                                  : skin.tare(rows.data(), frames, rows.size() / frames, tare, accept);
+        if (line.contains("refused")) {
+            compare("refused", line["refused"], status.message.substr(0, status.message.find(". ")));
+            continue;
+        }
+        compare("message", "", status.message);
+        if (line["warnings"] != Json(tare.warnings))
+            report("warnings", line["warnings"].dump(), Json(tare.warnings).dump());
+        compare("forces", line["forces"], std::optional<Numbers>(tare.forces), 0.0);
+        compare("baseline", line["baseline"], std::optional<Numbers>(skin.baseline()), 0.0);
+        const Json found = Json::parse(reading::noise_text(skin))["noise"];
+        if (found.is_null() != line["noise"].is_null()) report("noise", line["noise"].dump(), found.dump());
+        for (const auto& [name, values] : line["noise"].items()) {
+            const auto as_list = [](const Json& x) { return x.is_array() ? x : Json::array({x}); };
+            if (name == "dead") continue;
+            const Json a = as_list(values), b = as_list(found[name]);
+            for (std::size_t i = 0; i < a.size(); ++i) { // infinite numbers are texts here, and null in files
+                ++compared;
+                if (!a[i].is_number() || !b[i].is_number()
+                        ? b[i].is_number() != a[i].is_number()
+                        : !(std::abs(number(a[i]) - number(b[i])) <= 1e-9 * (1 + std::abs(number(a[i])))))
+                    report(name.c_str(), a[i].dump(), b[i].dump());
+            }
+        }
     }
 }
 
@@ -202,6 +264,7 @@ void compare_body(const Json& test, const std::filesystem::path& folder) {
             if (frame.standing[k]) standing.push_back(names[k]);
         }
         compare_names("flags", expected["flags"], flags);
+        compare_trusted(expected, frame.trusted);
         compare_names("lost", expected["lost"], lost);
         compare_names("standing", expected["standing"], standing);
         compare("wrench", expected["wrench"], frame.wrench, 1e-9);
@@ -220,6 +283,7 @@ int main(int count, char** arguments) {
     int cases = 0;
     for (const auto& entry : std::filesystem::directory_iterator(count > 1 ? arguments[1] : ".")) {
         const std::string name = entry.path().filename().string();
+        if (name == "mixed.tare.json") compare_tares(document(entry.path()), entry.path().parent_path());
         if (name.size() < 10 || name.substr(name.size() - 10) != ".case.json") continue;
         where = name;
         ++cases;

@@ -409,7 +409,8 @@ def _load_level(rest: AtRest, sums: Array) -> float:
 def _common(rest: AtRest, slopes: Array, sums: Array) -> float:
     """Return the standard deviation of the sum (frames,), relative to that of taxels without common noise."""
     if_alone = float(np.linalg.norm(slopes * rest.rows.std(axis=0, ddof=1)))
-    return max(1.0, float((sums - sums.mean()).std(ddof=1)) / if_alone) if if_alone else 1.0
+    has_sum = if_alone > 1e-9 * float(np.linalg.norm(slopes * rest.sigma))  # otherwise rounding
+    return max(1.0, float((sums - sums.mean()).std(ddof=1)) / if_alone) if has_sum else 1.0
 
 
 def _rectified(rest: AtRest, slopes: Array) -> Array:

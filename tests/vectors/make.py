@@ -3,8 +3,7 @@
     python -m tests.vectors.make
 
 `tests/unit/runtime/test_vectors.py` compares the runtime in Python with the files, `cpp/tests/vectors.cpp` that in C++.
-Write them again only for an intended change of results. A frame has what the first stage of the C++ runtime computes:
-faults are not in it, and the guaranteed polygon is that without faults.
+Write them again only for an intended change of results.
 """
 
 import json
@@ -17,47 +16,20 @@ import numpy as np
 
 from skin_calib_addon.calibration import LinkCalibration, Response, ResponseTable
 from skin_calib_addon.calibration.file import load_calibration, save_calibration
+from skin_calib_addon.common.errors import InvalidReading
 from skin_calib_addon.runtime import Body, BodyFrame, Frame, Plane, Skin
-from skin_calib_addon.runtime.drift import Drift
-from skin_calib_addon.runtime.noise import Noise
+from skin_calib_addon.runtime.noise_file import FIELDS
+from skin_calib_addon.runtime.trusted import STATEMENTS, Trusted
 from tests.samples import plane, small_calibration
 from tests.soles import cell_patch, sole_patch
 
 FOLDER = Path(__file__).parent
-# Flags that both runtimes set.
-WATCHED = frozenset(
-    (
-        "wrong_length",
-        "not_finite",
-        "too_large",
-        "blind",
-        "saturated",
-        "noise_unknown",
-        "dead",
-        "time_not_finite",
-        "time_still",
-        "time_back",
-        "time_jump",
-        "dropped",
-        "lost",
-        "overload",
-        "not_coplanar",
-    )
-)
-
-
-class Unwatched(Drift):
-    """Drift and noise that nobody watches, as in the first stage of the C++ runtime."""
-
-    def add(self, noise: Noise, signed: np.ndarray, time: float) -> None:
-        """Forget the frame."""
-
-
 SMALL = (3, 4, 3, 4, 3)  # boards in the rows of a small sole
 RING = ((-1, -1), (1, -1), (1, 1), (-1, 1))  # corners of a square
 TABLE = ResponseTable((0.0, 100.0, 1000.0, 4095.0), (0.0, 1.0, 8.0, 40.0))
 FALLING = ResponseTable((200.0, 900.0, 2000.0, 3000.0), (30.0, 9.0, 2.0, 0.0))
 QUADRATIC = Response((0.0, 0.005, 1e-6), (0.0, 4095.0))
+REST_OFFSET = 100.0  # [counts] of the readings at rest of skins of which a fault lasts
 INVERTED = Response((30.0, -0.01), (0.0, 3000.0))
 
 
@@ -116,6 +88,7 @@ class Case:
     frames: int = 16
     trouble: bool = False  # whether readings and times are wrong now and then
     lost: bool = False  # whether some taxels lose their readings, and time jumps
+    story: bool = False  # whether a fault lasts: see `story_of`; frames have 40 ms, and readings at rest are 100
 
 
 CASES = {
@@ -136,19 +109,21 @@ CASES = {
     "overload": Case("right", {}, 2.0),
     "stated_and_noise": Case("small", {"switch_on": 1.0}, 2.0),
     "noise_unknown": Case("small", {}, frames=8),
+    "drift": Case("small", {}, 2.0, frames=75, story=True),
+    "drift_stays": Case("small", {"follow_drift": False}, 2.0, frames=75, story=True),
+    "below_rest": Case("small", {"switch_on": 1.0}, 2.0, frames=30, story=True),
+    "noisy": Case("small", {}, 2.0, frames=200, story=True),
+    "stuck": Case("small", {}, 2.0, frames=85, story=True),
+    "first_frames": Case("small", {}, frames=120, story=True),
 }
 
 
 def skin_of(calibration: LinkCalibration, options: dict) -> Skin:
-    """Return a skin with the options of a file; its baseline does not move."""
+    """Return a skin with the options of a file."""
     options = dict(options)
     if "ground" in options:
         options["ground"] = Plane.through(options["ground"]["point"], options["ground"]["up"])
-    skin = Skin(calibration, **options, follow_drift=False)
-    skin._readings._new_drift = partial(Unwatched, skin.geometry.neighbours, False)
-    skin._readings.drift = skin._readings._new_drift()
-    skin._faults._stuck = lambda *_: np.zeros(len(skin.ids), bool)
-    return skin
+    return Skin(calibration, **options)
 
 
 def rest_counts(skin: Skin) -> np.ndarray:
@@ -192,14 +167,46 @@ def readings_of(skin: Skin, case: Case, rng: np.random.Generator) -> Iterator[tu
         yield (float("nan") if case.trouble and k == 13 else time), counts
 
 
+def story_of(skin: Skin, name: str, case: Case, rng: np.random.Generator) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield times and readings of a skin of which a fault begins after some time, and lasts."""
+    n, counts = len(skin.ids), np.zeros(0)
+    stands = 0.2 * (skin.positions[:, 0] > skin.positions[:, 0].mean())
+    for k in range(case.frames):
+        time = 0.04 * k
+        pressed, shift, noise = np.zeros(n), np.full(n, REST_OFFSET), rng.normal(0, 2.0, n)
+        if name == "drift":  # a foot stands for a while, and again on a drift
+            pressed = stands * (1 < time < 1.5 or time > 2.2)
+            shift += 4 * (time > 0.3)
+        if name == "drift_stays":  # a foot in the air drifts down, and comes back
+            shift -= 3 * (0.5 < time < 2)
+        if name == "below_rest":
+            shift[3] -= 90 * (k == 3)
+        if name == "noisy":  # three taxels get noisy, and one sends one number
+            noise[:3] *= 1 + 1.5 * (time > 0.8)
+            noise[7] *= time < 0.2
+            pressed = stands * (time > 7.8)
+        if name == "first_frames":  # a foot in the air, on the ground, and in the air again
+            pressed, shift = stands * (1.8 < time < 2.2), np.zeros(n)
+        if name == "stuck":  # one taxel under a foot, then a frozen bus, then the bytes are swapped
+            pressed = stands * (time > 0.2)
+            noise[-1] *= time < 0.4
+        before, counts = counts, loaded_counts(skin, pressed)
+        counts[skin.channels] += shift + noise
+        counts = np.clip(np.rint(counts), 0, 4095)
+        if name == "stuck" and 1.4 < time < 2:
+            counts = before
+        yield time, counts.astype(np.uint16).byteswap().astype(float) if name == "stuck" and time > 2.4 else counts
+
+
 def record(frame: Frame) -> dict:
     """Return what both runtimes compute of a frame."""
-    sets, found = frame.sets, replace(frame, flags=frame.flags & {"overload"})
-    polygon = found.polygon
+    sets = frame.sets
     return {
-        "flags": sorted(frame.flags & WATCHED),
+        "flags": sorted(frame.flags),
+        "trusted": statements(frame.trusted),
         "touched": frame.touched,
         "known": frame.known,
+        "stuck": frame.stuck,
         "forces": frame.forces,
         "stands": None if sets is None else sets.stands,
         "active": frame.active,
@@ -229,8 +236,13 @@ def record(frame: Frame) -> dict:
         "load_sigma": frame.load_sigma,
         "cop_sigma": frame.cop_sigma,
         "zmp_sigma": frame.zmp_sigma,
-        **record_polygon(polygon),
+        **record_polygon(frame.polygon),
     }
+
+
+def statements(trusted: Trusted) -> np.ndarray:
+    """Return which statements hold."""
+    return np.array([getattr(trusted, name) for name in STATEMENTS])
 
 
 def record_polygon(polygon) -> dict:
@@ -245,10 +257,9 @@ def record_polygon(polygon) -> dict:
 
 def record_body(frame: BodyFrame) -> dict:
     """Return what both runtimes compute of the frame of a body."""
-    without = {name: replace(link, flags=link.flags & {"overload"}) for name, link in frame.links.items()}
-    found = replace(frame, links=without)
     return {
-        "flags": sorted(f for f in frame.flags if f.partition(":")[2] in BODY_FLAGS or f in BODY_FLAGS),
+        "flags": sorted(frame.flags),
+        "trusted": statements(frame.trusted),
         "lost": sorted(frame.lost),
         "standing": sorted(frame.standing),
         "wrench": frame.wrench,
@@ -256,11 +267,8 @@ def record_body(frame: BodyFrame) -> dict:
         "zmp": frame.zmp,
         "cop_sigma": frame.cop_sigma,
         "zmp_sigma": frame.zmp_sigma,
-        **record_polygon(found.polygon),
+        **record_polygon(frame.polygon),
     }
-
-
-BODY_FLAGS = WATCHED | {"no_reading", "no_pose", "wrong_pose"}
 
 
 def compact(value):
@@ -283,9 +291,9 @@ def expanded(value) -> np.ndarray:
     return np.array([np.nan if x is None else float(x) for x in value])
 
 
-def write_noise(skin: Skin, sigma: float, rng: np.random.Generator, path: Path) -> None:
-    """Write what a skin learns from 250 frames without contact."""
-    rows = rest_counts(skin) + rng.normal(0, sigma, (250, skin.reading_length))
+def write_noise(skin: Skin, sigma: float, rng: np.random.Generator, path: Path, offset: float = 0.0) -> None:
+    """Write what a skin learns from 250 frames without contact, with an offset of the readings."""
+    rows = offset + rest_counts(skin) + rng.normal(0, sigma, (250, skin.reading_length))
     skin.tare(np.clip(np.rint(rows), 0, 4095).astype(np.uint16), accept=True)
     skin.save_noise(path)
 
@@ -297,22 +305,28 @@ def write_case(name: str, case: Case) -> None:
     skin, noise = skin_of(calibration, case.options), None
     if case.sigma is not None:
         noise = f"{name}.noise.json"
-        write_noise(skin, case.sigma, rng, FOLDER / noise)
+        write_noise(skin, case.sigma, rng, FOLDER / noise, REST_OFFSET * case.story)
+        skin.load_noise(FOLDER / noise)  # as the runtimes that read it
     frames = []
-    for k, (time, readings) in enumerate(readings_of(skin, case, rng)):
+    lines = story_of(skin, name, case, rng) if case.story else readings_of(skin, case, rng)
+    for k, (time, readings) in enumerate(lines):
         frame = {"time": time, "readings": readings}
         if case.trouble and k in (10, 18):
             frame["mask"] = [skin.ids[2], skin.ids[5]] if k == 10 else []
             skin.mask(frame["mask"])
         frames.append(compact({**frame, "frame": record(skin.update(readings, time))}))
-    head = {"calibration": f"{case.calibration}.calibration.json", "noise": noise, "options": case.options}
+    learns = noise is None and skin.noise is not None
+    head = {"learns": True} if learns else {}
+    head |= {"calibration": f"{case.calibration}.calibration.json", "noise": noise, "options": case.options}
     write(name, head, frames)
 
 
-def write(name: str, head: dict, frames: list) -> None:
+def write(name: str, head: dict, frames: list, of: str = "frames") -> None:
     """Write a case: one line for its head, and one for each frame."""
     lines = ",\n".join(json.dumps(frame, separators=(",", ":")) for frame in frames)
-    (FOLDER / f"{name}.case.json").write_text(json.dumps(head)[:-1] + ', "frames": [\n' + lines + "\n]}\n")
+    (FOLDER / (f"{name}.case.json" if of == "frames" else f"{name}.json")).write_text(
+        json.dumps(head)[:-1] + f', "{of}": [\n' + lines + "\n]}\n"
+    )
 
 
 def write_body() -> None:
@@ -359,6 +373,44 @@ def write_body() -> None:
     write("body", {"links": links}, frames)
 
 
+TARES = {  # frames, offset, noise [counts], type of the numbers, and whether warnings are accepted
+    "quiet": (40, 0.0, 2.0, "uint16", False),
+    "few": (5, 0.0, 0.0, "uint16", False),
+    "loaded": (40, 100.0, 2.0, "uint16", False),
+    "loaded_accepted": (40, 100.0, 2.0, "uint16", True),
+    "touched": (40, 100.0, 2.0, "uint16", True),
+    "aligned": (40, 0.0, 2.0, "uint16", False),
+    "real": (40, 3.0, 1.0, "float64", True),
+}
+
+
+def write_tares() -> None:
+    """Write readings for a tare, and what a skin learns from them, or why it refuses them."""
+    rng, lines = np.random.default_rng(3), []
+    calibration = load_calibration(FOLDER / "mixed.calibration.json")
+    for name, (frames, offset, sigma, kind, accept) in TARES.items():
+        skin = skin_of(calibration, {})
+        rows = rest_counts(skin) + rng.normal(offset, sigma, (frames, skin.reading_length))
+        if name == "touched":
+            rows[20:, 3] -= 900
+        rows = np.maximum(rows, 0)
+        rows = 16 * np.rint(rows / 16) if name == "aligned" else np.round(rows, 0 if kind == "uint16" else 2)
+        lines.append(
+            compact({"name": name, "type": kind, "accept": accept, "readings": rows, **tared(skin, rows, kind, accept)})
+        )
+    write("mixed.tare", {"calibration": "mixed.calibration.json"}, lines, "tares")
+
+
+def tared(skin: Skin, rows: np.ndarray, kind: str, accept: bool) -> dict:
+    """Return what a skin learns from readings (frames, channels) at rest, or the first words of its refusal."""
+    try:
+        tare = skin.tare(rows.astype(kind), accept)
+    except InvalidReading as error:
+        return {"refused": str(error).split(". ")[0]}
+    noise = None if tare.noise is None else {name: getattr(tare.noise, name) for name in FIELDS}
+    return {"forces": tare.forces, "warnings": tare.warnings, "baseline": skin._readings.baseline, "noise": noise}
+
+
 def main() -> None:
     """Write all files."""
     for name, make in CALIBRATIONS.items():
@@ -366,6 +418,7 @@ def main() -> None:
     for name, case in CASES.items():
         write_case(name, case)
     write_body()
+    write_tares()
 
 
 if __name__ == "__main__":

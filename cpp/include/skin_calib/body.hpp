@@ -27,8 +27,6 @@ struct LinkInput {
 
 // The state of several skins at one time, in the world frame; points on the ground have its coordinates.
 struct BodyFrame {
-    static constexpr bool faults_watched = false; // see `Frame`
-
     double time = 0;                   // [s]
     Flags flags = 0;                   // of the body: not_coplanar
     std::vector<Flags> link_flags;     // (links,) of each link: those of its frame, no_reading, no_pose, wrong_pose
@@ -40,6 +38,7 @@ struct BodyFrame {
     Reason reason = Reason::not_known; // why there is no ZMP
     std::optional<Vec2> cop, zmp, cop_sigma, zmp_sigma; // on the ground [m]
     SupportingPolygon polygon; // of the standing feet, on the ground; nothing is in it if a foot is lost
+    Trusted trusted;           // of all links together; its point and polygon are those of the links with a ground
 };
 
 // The skins of several links of one robot. `update` allocates no memory, takes no locks and throws nothing.
@@ -88,6 +87,7 @@ public:
         frame_.cop = frame_.zmp = frame_.cop_sigma = frame_.zmp_sigma = std::nullopt;
         if (frame_.reason == Reason::none) find_points();
         find_polygon();
+        find_trusted(is_any_lost);
         return frame_;
     }
 
@@ -176,6 +176,22 @@ private:
             all_free = all_free && frame_.links[k]->sets.stands == std::optional<bool>(false);
         }
         frame_.reason = any ? Reason::none : has_foot && all_free ? Reason::no_load : Reason::low_load;
+    }
+
+    // Find which statements hold of all links together.
+    void find_trusted(bool is_any_lost) noexcept {
+        const bool is_known = !frame_.is_foot_lost;
+        frame_.trusted = {!is_any_lost, !is_any_lost, is_known, is_known && frame_.flags == 0, frame_.flags};
+        for (std::size_t k = 0; k < skins.size(); ++k) {
+            if (!frame_.links[k]) continue;
+            const Trusted own = frame_.links[k]->trusted();
+            frame_.trusted.touched = frame_.trusted.touched && own.touched;
+            frame_.trusted.wrench = frame_.trusted.wrench && own.wrench;
+            frame_.trusted.why |= own.why;
+            if (!skins[k]->ground) continue;
+            frame_.trusted.point = frame_.trusted.point && own.point;
+            frame_.trusted.guaranteed = frame_.trusted.guaranteed && own.guaranteed;
+        }
     }
 
     // Compute CoP, ZMP and their standard deviations from those of the standing feet.

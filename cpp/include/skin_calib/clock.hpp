@@ -26,10 +26,18 @@ inline constexpr Flags wrong_pose = 1u << 14;   // of a body: the pose of this l
 inline constexpr Flags not_coplanar = 1u << 15; // of a body: feet stand at different heights, or tilted
 inline constexpr Flags lost = 1u << 16;         // taxels without a valid reading may carry much of the load
 inline constexpr Flags overload = 1u << 17;     // the force is larger than is plausible: nothing is guaranteed
-inline constexpr const char* names[] = {"wrong_length",  "not_finite", "too_large",       "blind",      "saturated",
-                                        "noise_unknown", "dead",       "time_not_finite", "time_still", "time_back",
-                                        "time_jump",     "dropped",    "no_reading",      "no_pose",    "wrong_pose",
-                                        "not_coplanar",  "lost",       "overload"}; // of the bits
+inline constexpr Flags drift = 1u << 18;        // readings without contact have moved: nothing is guaranteed
+inline constexpr Flags noisy = 1u << 19;        // the noise of some taxels has grown
+inline constexpr Flags stuck = 1u << 20;        // some readings have not changed for too long
+inline constexpr Flags frozen = 1u << 21;       // no reading has changed for too long
+inline constexpr Flags below_rest = 1u << 22;   // some readings are below those without contact
+inline constexpr Flags byte_order = 1u << 23;   // the two bytes of the readings are swapped
+inline constexpr Flags rest_assumed = 1u << 24; // nothing is guaranteed before the skin was lifted
+inline constexpr const char* names[] = {
+    "wrong_length",    "not_finite",   "too_large",  "blind",       "saturated", "noise_unknown", "dead",
+    "time_not_finite", "time_still",   "time_back",  "time_jump",   "dropped",   "no_reading",    "no_pose",
+    "wrong_pose",      "not_coplanar", "lost",       "overload",    "drift",     "noisy",         "stuck",
+    "frozen",          "below_rest",   "byte_order", "rest_assumed"}; // of the bits
 } // namespace flag
 
 // Keep the time of the last frame, that of the last one with a valid reading, and the usual period between frames.
@@ -53,6 +61,9 @@ public:
         };
         return !is_lost_ && is_past(last_) && is_past(valid_);
     }
+
+    // Return the usual period [s]; 0 before the second frame, infinite after a jump.
+    double period() const noexcept { return period_; }
 
     // Store the time of a frame [s], with or without a valid reading, and update the usual period.
     void accept(double time, bool is_valid) noexcept {
@@ -86,6 +97,11 @@ public:
     void start(std::size_t n, double fraction, double time) {
         part.assign(n, 0.0);
         fraction_ = fraction, time_ = time, last_ = not_a_number;
+    }
+
+    void restart() noexcept {
+        std::fill(part.begin(), part.end(), 0.0);
+        last_ = not_a_number;
     }
 
     // Add a frame with signed readings (n,) without creep, relative to those without contact.

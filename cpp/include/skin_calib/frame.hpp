@@ -4,6 +4,7 @@
 #include "clock.hpp"
 #include "contacts.hpp"
 #include "touched.hpp"
+#include "trusted.hpp"
 
 namespace skin_calib {
 
@@ -35,17 +36,15 @@ inline const char* text(Reason reason) noexcept {
     return "";
 }
 
-// The state of one skin at one time. A frame of the first stage watches no faults: drift, stuck taxels, a frozen bus,
-// swapped bytes and readings below rest stay silent, and `guaranteed` holds only without them.
+// The state of one skin at one time.
 struct Frame {
-    static constexpr bool faults_watched = false;
-
     double time = 0;       // [s]
     Flags flags = 0;       // bits: see `flag`
     bool is_known = false; // whether a taxel has a valid force; otherwise nothing in the frame is known
     Numbers forces;        // (n,) on each taxel [N]; 0 if it is unknown
     Booleans known;        // (n,) whether the taxel has a valid force
     Booleans saturated;    // (n,) whether the force may be larger
+    Booleans stuck;        // (n,) whether the reading has not changed for too long
     Numbers lost;          // (n,) what a taxel without a valid force may carry [N]; it is in the deviations
     bool is_lost = false;  // whether that is so much that wrench and points are not known
     Touched sets;          // which taxels are touched, surely and possibly, and their weights in the sums
@@ -68,6 +67,9 @@ struct Frame {
         if (is_known && (!contacts.empty() || sets.stands.value_or(false))) return true;
         return is_known && !is_lost ? std::optional<bool>(false) : std::nullopt;
     }
+
+    // Return which statements of the frame hold, and which flags take the others away.
+    Trusted trusted() const noexcept { return trusted_of(flags, touched()); }
 
     // Return whether the link stands on its ground: it has a load that is not noise.
     bool stands() const noexcept { return reason == Reason::none; }

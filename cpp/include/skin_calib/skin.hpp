@@ -1,9 +1,11 @@
 // The skin of one link: readings in, a frame out. See runtime/skin.py, readings.py and frame.py.
 #pragma once
 
+#include "drift.hpp"
+#include "faults.hpp"
 #include "frame.hpp"
 #include "lost.hpp"
-#include "responses.hpp"
+#include "rest.hpp"
 
 namespace skin_calib {
 
@@ -50,9 +52,15 @@ public:
         creep_ = std::nullopt;
         if (options.creep) creep_.emplace().start(n, (*options.creep)[0], (*options.creep)[1]);
         toucher_.start(geometry, noise_ ? &*noise_ : nullptr, on, off, is_stated);
+        faults_.start(responses, noise_ ? &*noise_ : nullptr);
+        none_.assign(n, 0);
+        follows_drift_ = options.follow_drift;
+        if (noise_) drift_.start(geometry, *noise_, responses.sign, follows_drift_);
+        switch_on_ = on, is_stated_ = is_stated;
+        assumed_ = {};
+        seek_rest();
         finder_.start(geometry);
         lost_.start(geometry);
-        is_stated_ = is_stated;
         length_ = 0;
         most_.clear();
         for (std::size_t i = 0; i < n; ++i) {
@@ -64,7 +72,6 @@ public:
         limit();
         for (auto* list : {&raw_, &shifted_, &signed_, &variances_, &forces_, &sides_, &low_, &high_})
             list->assign(n, 0.0);
-        last_.assign(n, not_a_number);
         clock_ = Clock{};
         allocate_frame();
         is_ready_ = true;
@@ -95,10 +102,57 @@ public:
         return {};
     }
 
+    // Set the baseline: these readings are without contact. Frames of a second, 20 at least, also give the noise. They
+    // are refused if something presses during some of them, and with a warning, unless it is accepted. Then nothing
+    // changes.
+    //   readings: (frames, channels), of the type of later readings; `learned`: what they say, also after a refusal
+    template <class Number>
+    Status tare(const Number* readings, std::size_t frames, std::size_t channels, Tare& learned, bool accept = false) {
+        learned = {};
+        if (!is_ready_) return Status::error("the skin is not started");
+        if (readings == nullptr || frames == 0 || channels < length_)
+            return Status::error("the reading has " + std::to_string(channels) + " channels, the skin of " +
+                                 geometry.calibration.link + " needs " + std::to_string(length_));
+        const std::size_t n = size();
+        Frames rows{frames, n, Numbers(frames * n)}, alive = rows;
+        for (std::size_t f = 0; f < frames; ++f)
+            for (std::size_t i = 0; i < n; ++i) {
+                const auto channel = static_cast<std::size_t>(geometry.calibration.channels[i]);
+                rows.at(f, i) = static_cast<double>(readings[f * channels + channel]);
+                alive.at(f, i) = alive_[i] ? rows.at(f, i) : not_a_number;
+            }
+        const Kind kind = Kind::of<Number>();
+        const Numbers forces = rest::contacts_during(alive, responses, kind.is_whole);
+        const auto most = std::max_element(forces.begin(), forces.end());
+        if (*most >= switch_on_)
+            return Status::error(
+                "the " + std::to_string(frames) + " readings for a tare are not at rest: the force changes by " +
+                rest::digits(*most, 2) + " N on " + ids()[static_cast<std::size_t>(most - forces.begin())] +
+                ". Use a second or more without contact, or mask the taxel if it is defective");
+        const rest::Learned found = rest::examined(rows, geometry, responses, kind.is_whole);
+        learned = rest::judged(found, alive, kind, geometry, responses, alive_);
+        if (!learned.warnings.empty() && !accept) {
+            std::string all;
+            for (const std::string& warning : learned.warnings) all += (all.empty() ? "" : "; ") + warning;
+            return Status::error("the readings for a tare are refused: " + all +
+                                 ". Lift the skin, or check the response. If nothing presses, and the sensors read "
+                                 "this at rest, accept the warnings");
+        }
+        faults_.byte_order.learn(rows);
+        learn(found);
+        assumed_.is_assumed = false;
+        seek_rest();
+        return {};
+    }
+
+    // Added to each reading (n,), so that the one at rest gives no force.
+    const Numbers& baseline() const noexcept { return baseline_; }
+
     // Return the frame of one reading; it is valid until the next call. A wrong reading gives a frame with flags.
     //   readings: (count,) of any type of numbers, one frame of the electronics; `time`: of the reading [s]
     template <class Number> const Frame& update(const Number* readings, std::size_t count, double time) noexcept {
         const Flags flags = clock_.flags(time);
+        kind_ = Kind::of<Number>();
         if (!is_ready_ || readings == nullptr || count < length_) return unknown(time, flags | flag::wrong_length);
         for (std::size_t i = 0; i < size(); ++i)
             raw_[i] = static_cast<double>(readings[static_cast<std::size_t>(geometry.calibration.channels[i])]);
@@ -112,14 +166,69 @@ public:
 private:
     static constexpr double max_reading = 1e100;
 
+    // Flags of frames that are not part of a rest, and of those whose readings are not those of the rest learned.
+    static constexpr Flags not_at_rest = flag::time_back | flag::time_jump | flag::byte_order;
+    static constexpr Flags not_that_rest = not_at_rest | flag::drift | flag::below_rest | flag::frozen;
+
+    // Learn from the first quiet frames of now on, if nothing else says what a contact is.
+    void seek_rest() {
+        first_ = std::nullopt;
+        if (!noise_ && !is_stated_) first_.emplace().start(size());
+    }
+
+    // Set the baseline, and the noise; of too few frames for the noise, it moves to their mean.
+    void learn(const rest::Learned& found) {
+        std::optional<Noise> noise = found.noise;
+        if (!noise && noise_) {
+            noise = noise_;
+            for (std::size_t i = 0; i < size(); ++i) {
+                if (!std::isfinite(found.mean[i])) continue;
+                const double change = found.mean[i] * responses.sign[i] - noise_->mean[i];
+                for (auto* level : {&noise->mean, &noise->sure, &noise->lasting, &noise->pair, &noise->possible,
+                                    &noise->release, &noise->lowest, &noise->free, &noise->clip})
+                    (*level)[i] += change;
+                noise->free_sum += change * noise->slopes[i];
+            }
+        }
+        for (std::size_t i = 0; i < size(); ++i)
+            if (std::isfinite(found.mean[i])) baseline_[i] = responses.rest[i] - found.mean[i];
+        noise_ = noise;
+        if (noise_) noise_->baseline = baseline_, drift_.start(geometry, *noise_, responses.sign, follows_drift_);
+        toucher_.set_noise(noise_ ? &*noise_ : nullptr);
+        faults_.set_noise(noise_ ? &*noise_ : nullptr);
+        if (creep_) creep_->restart();
+        limit();
+    }
+
+    // Add a frame to the first ones; after enough quiet ones, learn baseline and noise. These calls allocate memory.
+    void learn_at_start(double time) noexcept {
+        if ((frame_.flags & not_at_rest) != 0 || !std::isfinite(time)) return first_->clear();
+        if (!first_->add(raw_, time)) return;
+        if (rest::is_rest(first_->rows, kind_.is_whole)) {
+            const rest::Learned found = rest::examined(first_->rows, geometry, responses, kind_.is_whole);
+            const Tare tare = rest::judged(found, first_->rows, kind_, geometry, responses, alive_);
+            if (found.noise && tare.warnings.empty()) {
+                faults_.byte_order.learn(first_->rows);
+                learn(found);
+                assumed_.begin();
+                if (first_->is_complete()) first_ = std::nullopt;
+                return;
+            }
+        }
+        if (noise_)
+            first_ = std::nullopt; // a contact ends the rest; the noise of its first frames stays
+        else
+            first_->clear();
+    }
+
     // Allocate everything that frames need.
     void allocate_frame() {
         frame_ = Frame{};
         frame_.forces.assign(size(), 0.0);
-        for (auto* list : {&frame_.known, &frame_.saturated}) list->assign(size(), 0);
+        for (auto* list : {&frame_.known, &frame_.saturated, &frame_.stuck}) list->assign(size(), 0);
         frame_.sets.resize(size());
         standing_.resize(size());
-        if (noise_) frame_.force_sigmas.assign(size(), infinity);
+        frame_.force_sigmas.reserve(size());
         frame_.lost.assign(size(), 0.0);
         frame_.rows.reserve(size());
         frame_.contacts.reserve(size());
@@ -143,10 +252,10 @@ private:
         const std::size_t n = size();
         const bool has_creep = creep_ && noise_;
         std::size_t known_count = 0;
-        bool has_dead = false;
         for (std::size_t i = 0; i < n; ++i) {
             const double sign = responses.sign[i];
-            const double reading = has_creep ? raw_[i] - creep_->part[i] * sign : raw_[i];
+            double reading = has_creep ? raw_[i] - creep_->part[i] * sign : raw_[i];
+            if (noise_) reading -= drift_.offset[i];
             shifted_[i] = reading + baseline_[i];
             signed_[i] = reading * sign;
         }
@@ -158,7 +267,6 @@ private:
             frame_.known[i] = is_known;
             frame_.saturated[i] = is_known && responses.saturated(i, shifted_[i]);
             known_count += is_known;
-            has_dead = has_dead || (noise_ && noise_->dead[i]);
             if (frame_.saturated[i]) flags |= flag::saturated;
             if (!is_known && is_valid(i)) flags |= std::isfinite(raw_[i]) ? flag::too_large : flag::not_finite;
         }
@@ -168,14 +276,24 @@ private:
             toucher_.forget();
             finder_.forget();
             lost_.forget();
+            if (noise_) drift_.drop_block();
+            if (first_) first_->clear();
         }
-        const bool is_new = raw_ != last_;
-        toucher_.decide(signed_, frame_.forces, frame_.known, is_complete, is_new, frame_.sets);
+        faults_.compare(raw_);
+        toucher_.decide(signed_, frame_.forces, frame_.known, is_complete, faults_.is_new,
+                        noise_ ? drift_.noisy : none_, frame_.sets);
+        flags |= faults_.find(raw_, shifted_, signed_, frame_.known, frame_.sets.active, time, clock_.period(),
+                              frame_.stuck);
+        if (noise_) flags |= drift_.faults(frame_.sets, frame_.stuck);
+        if (flags & flag::stuck) frame_.sets.leave_out(frame_.stuck);
         if (!noise_ && !is_stated_) flags |= flag::noise_unknown;
+        if (assumed_.is_assumed) {
+            assumed_.add(frame_.sets.stands.value_or(false), (flags & not_that_rest) == 0, time);
+            if (assumed_.is_assumed) flags |= flag::rest_assumed;
+        }
         double total = 0;
         for (double push : frame_.sets.pushes) total += push;
         if (total > geometry.calibration.max_load) flags |= flag::overload;
-        if (has_dead) flags |= flag::dead;
         frame_.time = time, frame_.flags = flags, frame_.is_known = true;
         const Terms& terms = ground && ground->is_full(frame_.sets.active) ? ground->full_contact : *terms_;
         finder_.find(frame_.sets.active, frame_.forces, terms.link, frame_.rows, frame_.contacts);
@@ -191,8 +309,9 @@ private:
         if (noise_) deviate(terms, is_complete);
         if (ground) support();
         clock_.accept(time, true);
-        if (std::isfinite(time)) std::swap(raw_, last_);
-        if (has_creep) follow(std::isfinite(time) ? last_ : raw_, is_complete, time);
+        faults_.accept(raw_, time);
+        if (noise_ && (has_creep || drift_.is_due(time))) follow(is_complete, time);
+        if (first_ && is_complete) learn_at_start(time);
         return frame_;
     }
 
@@ -225,6 +344,7 @@ private:
     void deviate(const Terms& terms, bool is_complete) noexcept {
         const Numbers& pushes = frame_.sets.pushes;
         double placed = 0;
+        frame_.force_sigmas.resize(size());
         for (std::size_t i = 0; i < size(); ++i) sides_[i] = shifted_[i] - noise_->sigma[i];
         responses.forces_of(sides_, low_);
         for (std::size_t i = 0; i < size(); ++i) sides_[i] = shifted_[i] + noise_->sigma[i];
@@ -293,7 +413,7 @@ private:
             const bool can_stand = ground->can_stand[i];
             const bool may_press = sets.possible[i] || (frame_.is_lost && !frame_.known[i]); // all that is lost
             standing_.possible[i] = can_stand && may_press;
-            standing_.sure[i] = can_stand && sets.sure[i] && !frame_.has(flag::overload);
+            standing_.sure[i] = can_stand && sets.sure[i] && !frame_.has(flag::not_guaranteed);
             standing_.active[i] = can_stand && (sets.active[i] || standing_.sure[i]);
         }
         SupportingPolygon& polygon = frame_.polygon;
@@ -303,30 +423,31 @@ private:
             ground->erosion.erode(ground->sure_hull.hull);
             polygon.guaranteed = ground->erosion.result;
         }
-        const bool is_probable = sets.has_sure && sets.stands && !frame_.has(flag::overload);
+        const bool is_probable = sets.has_sure && sets.stands && !frame_.has(flag::not_guaranteed);
         polygon.outer_probability = is_probable ? std::optional<double>(outer_probability) : std::nullopt;
         polygon.guaranteed_probability = is_probable ? std::optional<double>(guaranteed_probability) : std::nullopt;
     }
 
-    // Follow the creep of the taxels with readings (n,).
-    void follow(const Numbers& raw, bool is_complete, double time) noexcept {
+    // Follow the creep of the taxels, and the drift of the free ones.
+    void follow(bool is_complete, double time) noexcept {
         for (std::size_t i = 0; i < size(); ++i) {
-            const double x = raw[i] * responses.sign[i] - creep_->part[i];
+            const double x = raw_[i] * responses.sign[i] - (creep_ ? creep_->part[i] : 0.0);
             const bool is_used = is_complete || (std::abs(x) < max_reading && is_valid(i));
             signed_[i] = (is_used ? x : not_a_number) - noise_->free[i];
         }
-        creep_->add(signed_, time);
+        if (creep_) creep_->add(signed_, time);
+        drift_.add(signed_, time);
     }
 
     // Return the frame of a reading that cannot be used; only the clock changes.
     const Frame& unknown(double time, Flags flags) noexcept {
         clock_.accept(time, false);
         std::fill(frame_.forces.begin(), frame_.forces.end(), 0.0);
-        for (auto* list :
-             {&frame_.known, &frame_.saturated, &frame_.sets.active, &frame_.sets.sure, &frame_.sets.possible})
+        for (auto* list : {&frame_.known, &frame_.saturated, &frame_.stuck, &frame_.sets.active, &frame_.sets.sure,
+                           &frame_.sets.possible})
             std::fill(list->begin(), list->end(), 0);
         for (auto* list : {&frame_.sets.weights, &frame_.sets.pushes}) std::fill(list->begin(), list->end(), 0.0);
-        std::fill(frame_.force_sigmas.begin(), frame_.force_sigmas.end(), infinity);
+        if (noise_) frame_.force_sigmas.assign(size(), infinity);
         frame_.time = time, frame_.flags = flags, frame_.is_known = frame_.is_lost = false;
         frame_.load = not_a_number;
         std::fill(frame_.lost.begin(), frame_.lost.end(), 0.0);
@@ -340,20 +461,26 @@ private:
         return frame_;
     }
 
-    bool is_ready_ = false, is_stated_ = false;
+    bool is_ready_ = false, is_stated_ = false, follows_drift_ = true;
+    double switch_on_ = 0.2; // [N]
+    Kind kind_;              // of the last readings
+    std::optional<rest::First> first_;
+    rest::Assumed assumed_;
     std::size_t length_ = 0;
     std::optional<Noise> noise_;
     std::optional<Creep> creep_;
     Toucher toucher_;
     ContactFinder finder_;
     Lost lost_;
+    Faults faults_;
+    Drift drift_; // only with noise
     Clock clock_;
     Terms no_ground_;
     std::vector<Vec6> squares_;    // (n,) of the wrenches of 1 N
     const Terms* terms_ = nullptr; // of the sums at partial contact
-    Numbers baseline_, most_, limits_, raw_, last_, shifted_, signed_, variances_;
+    Numbers baseline_, most_, limits_, raw_, shifted_, signed_, variances_;
     Numbers forces_, sides_, low_, high_; // forces of the readings, and of those a standard deviation below and above
-    Booleans alive_;
+    Booleans alive_, none_;
     Touched standing_; // the sets, without the taxels that cannot stand
     Terms::Sums sums_{};
     Frame frame_;

@@ -12,12 +12,22 @@ struct Touched {
     Booleans possible;          // (n,) whether it is possibly touched
     Numbers weights, pushes;    // (n,) of its force in the sums; its part of the sums [N]
     bool has_sure = false;      // whether something can be sure: otherwise noise and thresholds are unknown
+    double common = 0;          // deviation of all taxels that may be a drift [standard deviations]
     double excess = 0;          // sum of all taxels above that at rest [N]; 0 without noise
     std::optional<bool> stands; // whether there is a load; nothing if sums of the noise are unknown: then 5 N decide
 
     void resize(std::size_t n) {
         for (auto* list : {&active, &sure, &possible}) list->assign(n, 0);
         weights.assign(n, 0.0), pushes.assign(n, 0.0);
+    }
+
+    // The readings of some taxels (n,) prove nothing: with a load, they are possibly touched.
+    void leave_out(const Booleans& stuck) noexcept {
+        if (!has_sure || !stands.value_or(true)) return;
+        for (std::size_t i = 0; i < stuck.size(); ++i) {
+            sure[i] = sure[i] && !stuck[i];
+            possible[i] |= stuck[i];
+        }
     }
 };
 
@@ -27,12 +37,18 @@ public:
     // Set thresholds [N] (`is_stated`: by the caller), or the noise of the skin. The skin must live as long.
     void start(const SkinGeometry& skin, const Noise* noise, double switch_on, double switch_off, bool is_stated) {
         const std::size_t n = skin.n;
-        skin_ = &skin, noise_ = is_stated ? nullptr : noise, is_stated_ = is_stated, on_ = switch_on, off_ = switch_off;
+        skin_ = &skin, is_stated_ = is_stated, on_ = switch_on, off_ = switch_off;
         for (auto* list : {&before_, &sure_, &pair_, &release_, &possible_, &starts_, &lasting_}) list->assign(n, 0);
         for (auto& list : above_) list.assign(n, 0);
         signed_.assign(n, 0.0), deviations_.assign(n, 0.0);
+        set_noise(noise);
+    }
+
+    // Set the noise of the skin, or nullptr; what is touched stays.
+    void set_noise(const Noise* noise) {
+        noise_ = is_stated_ ? nullptr : noise;
         scale_.clear(), offset_.clear(), offsets_.clear(), total_ = 0;
-        for (std::size_t i = 0; noise_ && i < n; ++i) {
+        for (std::size_t i = 0; noise_ && i < skin_->n; ++i) {
             const double scale = 1 / (noise_->sigma[i] * (weight_full - weight_start));
             scale_.push_back(scale);
             offset_.push_back(-noise_->mean[i] * scale - weight_start / (weight_full - weight_start));
@@ -49,11 +65,11 @@ public:
 
     // Decide what is touched in the next frame.
     //   signed_readings, forces, known: (n,) of the frame; `is_complete`: all are known; `is_new`: a reading has
-    //   changed
+    //   changed; noisy: (n,) taxels whose noise has grown, of which no reading proves a contact
     void decide(const Numbers& signed_readings, const Numbers& forces, const Booleans& known, bool is_complete,
-                bool is_new, Touched& sets) noexcept {
+                bool is_new, const Booleans& noisy, Touched& sets) noexcept {
         if (noise_)
-            by_noise(signed_readings, forces, known, is_complete, is_new, sets);
+            by_noise(signed_readings, forces, known, is_complete, is_new, noisy, sets);
         else
             by_thresholds(forces, known, is_complete, sets);
     }
@@ -78,11 +94,11 @@ private:
         }
         sets.has_sure = is_stated_;
         sets.stands = std::nullopt;
-        sets.excess = 0;
+        sets.excess = sets.common = 0;
     }
 
     void by_noise(const Numbers& given, const Numbers& forces, const Booleans& known, bool is_complete, bool is_new,
-                  Touched& sets) noexcept {
+                  const Booleans& noisy, Touched& sets) noexcept {
         const Noise& noise = *noise_;
         const std::size_t n = skin_->n;
         if (is_new) {
@@ -117,12 +133,12 @@ private:
             before_[i] = starts_[i] || (before_[i] && ((has_load && release_[i]) || !known[i]));
             sets.active[i] = before_[i] && known[i];
             const bool lasts = has_load && above_[0][i] && above_[1][i] && above_[2][i];
-            sets.sure[i] = has_load && (sure_[i] || lasts);
+            sets.sure[i] = has_load && (sure_[i] || lasts) && !noisy[i];
             sets.possible[i] = has_load && (possible_[i] || !known[i] || lasts || sets.active[i]);
         }
         sets.has_sure = true;
         sets.stands = has_load;
-        sets.excess = excess;
+        sets.excess = excess, sets.common = common;
         if (has_load) {
             weigh(forces, excess, sets);
         } else {

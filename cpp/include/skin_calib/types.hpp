@@ -31,7 +31,8 @@ using Booleans = std::vector<std::uint8_t>; // 0 or 1 for each taxel
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
 inline constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 
-// Whether something worked; otherwise a sentence that says what is wrong, and where.
+// Whether something worked; otherwise a sentence that says what is wrong, and where. `load` also says what it leaves
+// out.
 struct [[nodiscard]] Status {
     bool ok = true;
     std::string message;
@@ -137,8 +138,9 @@ struct Calibration {
     std::vector<std::vector<Vec3>> corners;         // of the cells [m]
     std::vector<std::array<std::int32_t, 2>> pairs; // rows of neighbours, the lower row first
     std::vector<Response> responses;
-    Rows response;              // index of the response of each taxel
-    double max_load = infinity; // largest plausible force on all of them [N]
+    Rows response;                       // index of the response of each taxel
+    std::vector<std::string> modalities; // names of quantities that are not computed here
+    double max_load = infinity;          // largest plausible force on all of them [N]
 };
 
 // What `tare` learnt: baseline, noise of each taxel at rest, and the levels of signed readings that follow from it.
@@ -146,9 +148,10 @@ struct Calibration {
 struct Noise {
     Numbers baseline;      // (n,) added to each reading, so that the reading at rest gives no force
     bool is_known = false; // otherwise the file has a baseline only
-    Numbers mean, sigma, sure, lasting, pair, possible, release, slopes, free, rectified, clip, below_clip;
+    Numbers mean, sigma, sure, lasting, pair, possible, release, lowest, repeats, slopes, free, rectified, clip,
+        below_clip, detection_limits;
     Booleans dead;
-    double free_sum = 0, load_level = 0, common = 1, load_limit = 0;
+    double frame_repeats = infinity, free_sum = 0, load_level = 0, common = 1, load_limit = 0;
 };
 
 // How a skin is used; the defaults are those of Python.
@@ -156,6 +159,7 @@ struct Options {
     std::optional<double> switch_on, switch_off; // [N] forces at which a taxel becomes active, and stays it
     std::optional<Plane> ground;                 // default: the plane through a flat skin
     bool in_cell = false;                        // whether sums count the pressure gradient within the cells, too
+    bool follow_drift = true;                    // whether the baseline of free taxels follows their mean
     std::optional<Vec2> creep;                   // relative rise of a reading under a constant load, time constant [s]
 };
 
@@ -235,23 +239,36 @@ inline Status check(const Noise& noise, std::size_t n) {
     if (noise.baseline.size() != n || !all_finite(noise.baseline))
         return Status::error("the baseline must have a finite number for each of " + std::to_string(n) + " taxels");
     if (!noise.is_known) return {};
-    const std::pair<const char*, const Numbers*> arrays[] = {
-        {"mean", &noise.mean},           {"sigma", &noise.sigma},   {"sure", &noise.sure},
-        {"lasting", &noise.lasting},     {"pair", &noise.pair},     {"possible", &noise.possible},
-        {"release", &noise.release},     {"slopes", &noise.slopes}, {"free", &noise.free},
-        {"rectified", &noise.rectified}, {"clip", &noise.clip},     {"below_clip", &noise.below_clip}};
+    const std::pair<const char*, const Numbers*> arrays[] = {{"mean", &noise.mean},
+                                                             {"sigma", &noise.sigma},
+                                                             {"sure", &noise.sure},
+                                                             {"lasting", &noise.lasting},
+                                                             {"pair", &noise.pair},
+                                                             {"possible", &noise.possible},
+                                                             {"release", &noise.release},
+                                                             {"lowest", &noise.lowest},
+                                                             {"repeats", &noise.repeats},
+                                                             {"slopes", &noise.slopes},
+                                                             {"free", &noise.free},
+                                                             {"rectified", &noise.rectified},
+                                                             {"clip", &noise.clip},
+                                                             {"below_clip", &noise.below_clip},
+                                                             {"detection_limits", &noise.detection_limits}};
     for (const auto& [name, values] : arrays) {
         if (values->size() != n)
             return Status::error(std::string(name) + " has " + std::to_string(values->size()) + " numbers for " +
                                  std::to_string(n) + " taxels");
-        const bool may_be_low = values == &noise.clip;
+        const double allowed = values == &noise.clip ? -infinity : values == &noise.repeats ? infinity : 0.0;
         for (double x : *values)
-            if (!std::isfinite(x) && !(may_be_low && x == -infinity))
+            if (!std::isfinite(x) && x != allowed && values != &noise.detection_limits)
                 return Status::error(std::string(name) + " has a number that is not finite");
     }
     if (noise.dead.size() != n) return Status::error("dead must have a value for each taxel");
     if (!all_finite(std::array{noise.free_sum, noise.load_level, noise.common, noise.load_limit}) || noise.common < 1)
         return Status::error("free_sum, load_level, common and load_limit must be finite, and common at least 1");
+    if (!(noise.frame_repeats > 0) ||
+        !std::all_of(noise.repeats.begin(), noise.repeats.end(), [](double x) { return x > 0; }))
+        return Status::error("repeats and frame_repeats must be positive");
     for (std::size_t i = 0; i < n; ++i)
         if (!(noise.sigma[i] > 0)) return Status::error("sigma must be positive for every taxel");
     return {};

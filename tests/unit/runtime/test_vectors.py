@@ -8,7 +8,7 @@ import pytest
 
 from skin_calib_addon.calibration.file import load_calibration
 from skin_calib_addon.runtime import Body, Polygon
-from tests.vectors.make import FOLDER, compact, expanded, record, record_body, skin_of
+from tests.vectors.make import FOLDER, compact, expanded, record, record_body, skin_of, tared
 
 CASES = sorted(path.name.removesuffix(".case.json") for path in FOLDER.glob("*.case.json"))
 
@@ -37,6 +37,24 @@ def test_vectors_are_the_frames_of_this_runtime(case):
                 skin.mask(line["mask"])
             found = record(skin.update(expanded(line["readings"]), time))
         compare(line["frame"], found, f"frame {k}")
+
+
+def test_vectors_of_a_tare_are_what_this_runtime_learns():
+    """Refusals have the same words, and levels the same numbers."""
+    document = json.loads((FOLDER / "mixed.tare.json").read_text())
+    calibration = load_calibration(FOLDER / document["calibration"])
+    for line in document["tares"]:
+        found = compact(tared(skin_of(calibration, {}), np.array(line["readings"]), line["type"], line["accept"]))
+        for name, value in found.items():
+            if name == "noise" and value:
+                for level, numbers in value.items():
+                    if level != "dead":
+                        a, b = (np.array(x, float) for x in (line["noise"][level], numbers))
+                        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9, err_msg=f"{line['name']}, {level}")
+            elif name in ("forces", "baseline"):
+                np.testing.assert_allclose(line[name], value, rtol=1e-9, atol=1e-9)
+            else:
+                assert line[name] == value, line["name"]
 
 
 INPUTS = {"readings": expanded, "poses": lambda pose: np.stack([expanded(row) for row in pose])}
@@ -72,6 +90,7 @@ def test_vectors_are_small_and_cover_what_a_runtime_can_state():
     frames = [line["frame"] for document in documents for line in document["frames"]]
     flags = set(chain.from_iterable(frame["flags"] for frame in frames))
     assert {"not_finite", "too_large", "blind", "saturated", "time_back", "time_jump", "wrong_length"} <= flags
+    assert {"drift", "noisy", "stuck", "frozen", "below_rest", "byte_order", "rest_assumed"} <= flags
     assert {"lost", "overload", "left:no_reading", "right:no_pose", "left:wrong_pose", "not_coplanar"} <= flags
     for name in ("cop_sigma", "zmp_sigma", "outer", "nominal", "guaranteed"):
         assert sum(bool(frame[name]) for frame in frames) > 20, name
