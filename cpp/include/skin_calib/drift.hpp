@@ -10,7 +10,6 @@ namespace skin_calib {
 class Drift {
 public:
     Numbers offset; // (n,) drift of the readings
-    Booleans noisy; // (n,) whether the noise of a taxel has grown
 
     // Set what stays the same; `sign`: (n,) of the responses. Skin, noise and signs must live as long.
     void start(const SkinGeometry& skin, const Noise& noise, const Numbers& sign, bool is_followed) {
@@ -20,7 +19,7 @@ public:
         offset.assign(skin.n, 0.0), variance_.assign(skin.n, 1.0);
         for (auto* list : {&sum_, &squares_, &peak_, &change_, &deviation_, &sorted_, &block_variance_})
             list->assign(skin.n, 0.0);
-        for (auto* list : {&noisy, &silent_, &free_}) list->assign(skin.n, 0);
+        for (auto* list : {&silent_, &free_}) list->assign(skin.n, 0);
         largest_ = 0;
         for (std::size_t i = 0; i < skin.n; ++i) largest_ += noise.sigma[i] * noise.slopes[i];
         largest_ *= max_common;
@@ -152,10 +151,11 @@ private:
         for (std::size_t i = 0; i < skin_->n; ++i) {
             if (free_[i] || deviation_[i] <= mean)
                 variance_[i] += (std::min(block_variance_[i], max_block_variance) - variance_[i]) / variance_blocks;
-            noisy[i] = variance_[i] > max_variance;
-            silent_[i] =
-                noise_->repeats[i] < silent_readings && noise_->clip[i] == -infinity && variance_[i] < min_variance;
-            has_noisy_ = has_noisy_ || noisy[i], has_silent_ = has_silent_ || silent_[i];
+            const bool is_valid = std::isfinite(deviation_[i]);
+            silent_[i] = is_valid && noise_->repeats[i] < silent_readings && noise_->clip[i] == -infinity &&
+                         variance_[i] < min_variance;
+            has_noisy_ = has_noisy_ || (is_valid && variance_[i] > max_variance),
+            has_silent_ = has_silent_ || silent_[i];
         }
     }
 

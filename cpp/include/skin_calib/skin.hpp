@@ -53,7 +53,6 @@ public:
         if (options.creep) creep_.emplace().start(n, (*options.creep)[0], (*options.creep)[1]);
         toucher_.start(geometry, noise_ ? &*noise_ : nullptr, on, off, is_stated);
         faults_.start(responses, noise_ ? &*noise_ : nullptr);
-        none_.assign(n, 0);
         follows_drift_ = options.follow_drift;
         if (noise_) drift_.start(geometry, *noise_, responses.sign, follows_drift_);
         switch_on_ = on, is_stated_ = is_stated;
@@ -280,8 +279,7 @@ private:
             if (first_) first_->clear();
         }
         faults_.compare(raw_);
-        toucher_.decide(signed_, frame_.forces, frame_.known, is_complete, faults_.is_new,
-                        noise_ ? drift_.noisy : none_, frame_.sets);
+        toucher_.decide(signed_, frame_.forces, frame_.known, is_complete, faults_.is_new, frame_.sets);
         flags |= faults_.find(raw_, shifted_, signed_, frame_.known, frame_.sets.active, time, clock_.period(),
                               frame_.stuck);
         if (noise_) flags |= drift_.faults(frame_.sets, frame_.stuck);
@@ -480,7 +478,7 @@ private:
     const Terms* terms_ = nullptr; // of the sums at partial contact
     Numbers baseline_, most_, limits_, raw_, shifted_, signed_, variances_;
     Numbers forces_, sides_, low_, high_; // forces of the readings, and of those a standard deviation below and above
-    Booleans alive_, none_;
+    Booleans alive_;
     Touched standing_; // the sets, without the taxels that cannot stand
     Terms::Sums sums_{};
     Frame frame_;

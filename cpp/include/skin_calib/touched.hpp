@@ -65,11 +65,11 @@ public:
 
     // Decide what is touched in the next frame.
     //   signed_readings, forces, known: (n,) of the frame; `is_complete`: all are known; `is_new`: a reading has
-    //   changed; noisy: (n,) taxels whose noise has grown, of which no reading proves a contact
+    //   changed
     void decide(const Numbers& signed_readings, const Numbers& forces, const Booleans& known, bool is_complete,
-                bool is_new, const Booleans& noisy, Touched& sets) noexcept {
+                bool is_new, Touched& sets) noexcept {
         if (noise_)
-            by_noise(signed_readings, forces, known, is_complete, is_new, noisy, sets);
+            by_noise(signed_readings, forces, known, is_complete, is_new, sets);
         else
             by_thresholds(forces, known, is_complete, sets);
     }
@@ -98,7 +98,7 @@ private:
     }
 
     void by_noise(const Numbers& given, const Numbers& forces, const Booleans& known, bool is_complete, bool is_new,
-                  const Booleans& noisy, Touched& sets) noexcept {
+                  Touched& sets) noexcept {
         const Noise& noise = *noise_;
         const std::size_t n = skin_->n;
         if (is_new) {
@@ -133,7 +133,7 @@ private:
             before_[i] = starts_[i] || (before_[i] && ((has_load && release_[i]) || !known[i]));
             sets.active[i] = before_[i] && known[i];
             const bool lasts = has_load && above_[0][i] && above_[1][i] && above_[2][i];
-            sets.sure[i] = has_load && (sure_[i] || lasts) && !noisy[i];
+            sets.sure[i] = has_load && (sure_[i] || lasts);
             sets.possible[i] = has_load && (possible_[i] || !known[i] || lasts || sets.active[i]);
         }
         sets.has_sure = true;

@@ -20,9 +20,9 @@ namespace flag {
 // Flags that take statements away: the polygon, and all others; touched; wrench and point. All other flags are in the
 // deviations, or concern other frames.
 inline constexpr Flags not_guaranteed =
-    blind | byte_order | drift | frozen | noise_unknown | overload | wrong_length | rest_assumed;
+    blind | byte_order | drift | frozen | noise_unknown | noisy | overload | wrong_length | rest_assumed;
 inline constexpr Flags takes_touched = (not_guaranteed & ~rest_assumed) | below_rest | stuck;
-inline constexpr Flags takes_sums = takes_touched | lost | noisy | saturated;
+inline constexpr Flags takes_sums = takes_touched | lost | saturated;
 } // namespace flag
 
 // Return what holds of a frame with these flags, and this `touched()`.
