@@ -4,6 +4,7 @@ import dataclasses
 import errno
 import json
 import os
+import re
 import signal
 import stat
 import subprocess
@@ -397,3 +398,11 @@ def test_frames_in_single_precision_are_read_as_unit_frames(tmp_path):
         np.testing.assert_allclose(normals, exact.taxels.normals_link, rtol=0, atol=3e-7)
         np.testing.assert_array_equal(own.taxels.normals_link, exact.taxels.normals_link)
         np.testing.assert_array_equal(own.taxels.tangents_link, exact.taxels.tangents_link)
+
+
+def test_documentation_has_a_true_checksum():
+    """Its example for programs in other languages."""
+    page = (Path(__file__).parents[3] / "docs" / "reference" / "calibration.md").read_text("utf-8")
+    example = json.loads(re.search(r"For\n\n```json\n(.+)\n```", page)[1])
+    assert f"`{checksum(example)}`" in page
+    assert f"`{json.dumps(example, sort_keys=True, separators=(',', ':'), ensure_ascii=False)}`" in page
