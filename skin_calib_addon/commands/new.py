@@ -22,6 +22,9 @@ from ..robot.link_mesh import is_urdf
 from .common import DONE, WRONG_DATA, check_outputs, complain, count, file_name, named_path, say, warn
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+# [rad] of the direction of the rows to the normal, below which there is a warning. Larger: more warnings; smaller: rows
+# in a direction that the author does not expect.
+MIN_ALONG = np.deg2rad(30.0)
 IMPORT = "import bpy; bpy.ops.skin_calib.import_plan(filepath={!r})"  # a statement of Blender
 
 
@@ -124,6 +127,11 @@ def run(options: argparse.Namespace) -> int:
     for text in warnings:
         complain(f"warning: {text}")
     spot = link.spot(at * METRES_PER_UNIT[of_at or unit], options.along)
+    if (angle := np.arccos(min(1.0, abs(float(np.dot(spot.direction, spot.normal)))))) < MIN_ALONG:
+        complain(
+            f"warning: --along is {np.degrees(angle):.0f} degrees from the normal at the point: the direction of the rows is "
+            "nearly arbitrary. Give one along the surface"
+        )
     placed = place_at(link, choice.template, boards, spot)
     if placed.problem:
         return _refuse(options, link, choice, boards, placed)

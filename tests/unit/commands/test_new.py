@@ -79,6 +79,13 @@ def test_command_of_a_refusal_works(tube, capsys, words):
     assert len(fitted(capsys).ids) > 1
 
 
+@pytest.mark.parametrize(("along", "is_steep"), [("1,0,0.1", True), ("-1,0.3,0", True), ("1,1,0", False)])
+def test_direction_that_says_little_is_a_warning(tube, capsys, along, is_steep):
+    """The normal at the place is along x."""
+    assert call("--sheet", "3x2x8mm", *AT, "--along", along) == 0
+    assert ("degrees from the normal" in capsys.readouterr().err) == is_steep
+
+
 def test_numbers_have_the_unit_of_the_mesh(tube, capsys):
     """Without a unit of their own."""
     assert call(*SHEET, "--at", "-.035,0,.05", *ALONG) == 0
