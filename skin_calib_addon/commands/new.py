@@ -129,8 +129,8 @@ def run(options: argparse.Namespace) -> int:
     spot = link.spot(at * METRES_PER_UNIT[of_at or unit], options.along)
     if (angle := np.arccos(min(1.0, abs(float(np.dot(spot.direction, spot.normal)))))) < MIN_ALONG:
         complain(
-            f"warning: --along is {np.degrees(angle):.0f} degrees from the normal at the point: the direction of the rows is "
-            "nearly arbitrary. Give one along the surface"
+            f"warning: --along is {np.degrees(angle):.0f} degrees from the normal at the point: the direction of the "
+            "rows is nearly arbitrary. Give one along the surface"
         )
     placed = place_at(link, choice.template, boards, spot)
     if placed.problem:
