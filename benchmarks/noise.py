@@ -1,24 +1,25 @@
 """Which statements of the runtime hold for noisy readings: polygons, CoP, ZMP, feet in the air.
 
     python benchmarks/noise.py [--frames N] [--seed N] [--rest tare|frames] [--kind normal|heavy|correlated|common]
-        [--period S] [--light N] [--drift SIGMAS] [--lost TAXELS]
+        [--period S] [--light N] [--drift SIGMAS] [--lost TAXELS] [--noisy TAXELS]
 
 The scenes are those of ``winkler.py``, and the recorded soles of an independent simulator where they are present. Their
 forces become readings with 12 or 8 bits on 800 N, with normal noise that the converter clips at zero. The skin has its
 default settings and one second of rest, and before each scene carries a light even load for a second. In the second
-half of each scene all taxels drift by some standard deviations, and some taxels at the tip have no reading. The period
-is that of the scene: the recorded ones have 25 frames per second. For each scene the table has the fraction of frames
-in which
+half of each scene all taxels drift by some standard deviations, some taxels at the tip have no reading, and the noise
+of some is four times as large. A foot in the air drifts from the start. The period is that of the scene: the recorded
+ones have 25 frames per second. For each scene the table has the fraction of frames in which
 
 - the guaranteed polygon is inside the true contact, and is not empty;
-- the first half, and the second half, has the flag ``drift``;
+- the first half, and the second half, has the flag ``drift`` or ``noisy``;
 - there is a CoP;
 - the outer polygon contains every taxel with more than the detection limit that the skin states;
 
 the mean distance of the CoP from the true one, and the fractions of errors of load, CoP and moments within one and two
 stated standard deviations, component by component. For a foot in the air it has the fraction of frames in which the
-foot stands, and those with a contact. For two feet it has the distance of the ZMP, its errors within one and two
-standard deviations, and the frames in which a foot that carries more than the limit of its sum does not stand.
+foot stands, those with a contact, and those with a guaranteed polygon. For two feet it has the distance of the ZMP, its
+errors within one and two standard deviations, and the frames in which a foot that carries more than the limit of its
+sum does not stand.
 """
 
 import argparse
@@ -36,6 +37,7 @@ from skin_calib_addon.runtime import Body, Skin, convex_hull
 SHARED = Path(__file__).resolve().parents[1] / ".." / "shared" / "data" / "truth"
 FULL_SCALE = 800.0  # [N] force of a taxel at the highest count
 AIR_FRAMES = 5000
+GROWTH = 4.0  # of the noise of noisy taxels
 
 
 @dataclass(frozen=True)
@@ -121,10 +123,14 @@ def judge(skin: Skin, sensor: Sensor, scene: Scene, rng: np.random.Generator, op
     flags, inside, filled, holds, overshoot, errors = [], [], [], [], [], []
     ratios: dict[str, list[float]] = {"load": [], "CoP": [], "moment": []}
     readings = sensor.read(scene.forces + drift * sensor.sigma * late[:, None], rng).astype(float)
+    if options.noisy:
+        rows = np.ix_(late, rng.permutation(len(limit))[: options.noisy])
+        loud = replace(sensor, noise=GROWTH * sensor.noise)
+        readings[rows] = loud.read(scene.forces + drift * sensor.sigma * late[:, None], rng)[rows]
     readings[np.ix_(late, lost)] = np.nan
     for k, reading in enumerate(readings):
         frame = skin.update(reading, 10 + scene.times[k])
-        flags.append("drift" in frame.flags)
+        flags.append(not frame.flags.isdisjoint({"drift", "noisy"}))
         true, polygon = convex_hull(scene.hulls[k]), frame.polygon
         inside.append(all(true.margin(c) > -1e-9 for c in polygon.guaranteed.corners))
         filled.append(len(polygon.guaranteed.corners) > 2)
@@ -153,11 +159,13 @@ def coverage(ratios: list[float]) -> str:
     return "/".join(f"{np.mean(np.abs(ratios) < k):.0%}"[:-1] for k in (1, 2))
 
 
-def in_the_air(skin: Skin, sensor: Sensor, rng: np.random.Generator) -> tuple[float, float]:
-    """Return the fractions of frames of a free sole in which it stands, and has a contact."""
-    readings = sensor.read(np.zeros((AIR_FRAMES, len(skin.ids))), rng)
+def in_the_air(skin: Skin, sensor: Sensor, drift: float, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Return the fractions of frames of a free sole in which it stands, has a contact, and a guaranteed polygon."""
+    readings = sensor.read(np.full((AIR_FRAMES, len(skin.ids)), drift * sensor.sigma), rng)
     frames = [skin.update(reading, 10 + winkler.PERIOD * k) for k, reading in enumerate(readings)]
-    return float(np.mean([f.cop is not None for f in frames])), float(np.mean([bool(f.touched) for f in frames]))
+    found = [(f.cop is not None, bool(f.touched), len(f.polygon.guaranteed.corners) > 2) for f in frames]
+    stands, contact, guaranteed = np.mean(found, axis=0).tolist()
+    return stands, contact, guaranteed
 
 
 def two_feet(sensor: Sensor, how: str, scenes: tuple[Scene, Scene], rng: np.random.Generator) -> str:
@@ -204,8 +212,8 @@ def table(sensor: Sensor, scenes: list[Scene], feet: tuple[Scene, Scene], option
             f" {row['stands']:7.1%} {row['holds']:7.2%}"
             f" {row['too far']:8.1f} {row['mm']:7.2f} {row['load']:>7} {row['CoP']:>7} {row['moment']:>7}"
         )
-    stands, ghosts = in_the_air(skin, sensor, rng)
-    yield f"  in the air: stands {stands:.2%}, contact {ghosts:.2%}"
+    stands, ghosts, guaranteed = in_the_air(skin, sensor, options.drift, rng)
+    yield f"  in the air: stands {stands:.2%}, contact {ghosts:.2%}, guaranteed {guaranteed:.2%}"
     yield f"  two feet: {two_feet(sensor, how, feet, rng)}"
 
 
@@ -217,6 +225,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--light", type=float, default=0.0, help="load before each scene [N]")
     parser.add_argument("--lost", type=int, default=0, help="taxels without a reading in the second half")
+    parser.add_argument("--noisy", type=int, default=0, help="taxels with more noise in the second half")
     parser.add_argument("--drift", type=float, default=0.0, help="in the second half [standard deviations]")
     parser.add_argument("--rest", choices=("tare", "frames"), default="tare")
     parser.add_argument("--kind", choices=tuple(NOISES), default="normal")
