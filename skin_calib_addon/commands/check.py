@@ -5,6 +5,7 @@ import json
 import os.path
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -43,13 +44,14 @@ def run(options: argparse.Namespace) -> int:
     files = list(_files(options.files))
     if options.mesh is not None and len(files) != 1:
         raise OutputError(f"--mesh needs exactly one file; {len(files)} files are given.")
-    checked = [_check_one(path, options.mesh) for path in files]
-    checked += [one for folder in options.files if (one := _check_folder(folder))]
+    of_files = (_check_one(path, options.mesh) for path in files)
+    checked = []
+    for one in chain(of_files, filter(None, map(_check_folder, options.files))):
+        checked.append(one)
+        if not options.json:
+            one.print()
     if options.json:
         say(json.dumps([one.document for one in checked], indent=2))
-    else:
-        for one in checked:
-            one.print()
     return WRONG_DATA if any(one.errors for one in checked) else DONE
 
 

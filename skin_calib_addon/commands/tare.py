@@ -76,7 +76,7 @@ def limits_of(noise: Noise) -> str:
     dead = f", {counted(int(np.count_nonzero(noise.dead)), 'taxel')} dead" if noise.has_dead else ""
     known = noise.detection_limits[np.isfinite(noise.detection_limits)]
     limit = f"{np.median(known):.2g} N on a taxel, " if len(known) else ""
-    return f"hides up to {limit} {noise.load_limit:.2g} N in total{dead}"
+    return f"hides up to {limit}{noise.load_limit:.2g} N in total{dead}"
 
 
 def _touches(skin: Skin, frames: Sequence[tuple[float, np.ndarray]]) -> list[str]:

@@ -64,7 +64,7 @@ class Drift:
     def __init__(self, neighbours: IntArray, is_followed: bool):
         self._neighbours, self._is_followed = neighbours, is_followed
         self.offset: Array | None = None  # (n,) drift of the readings; None for none
-        self.noisy: BoolArray | None = None  # (n,) whether the noise of a taxel has grown; None if that of none has
+        self._is_noisy = False  # whether the noise of a taxel has grown
         self._silent: BoolArray | None = None  # (n,) whether a free taxel sends one number only; None if none does
         self._moved = math.nan  # time at which the baseline last moved [s]
         self._off = 0  # number of blocks with a drift since the last one without
@@ -107,7 +107,7 @@ class Drift:
         flags = NO_FLAGS
         if self._is_reported and not (self._is_positive and sets.stands is False):
             flags |= {"drift"}
-        if self.noisy is not None:
+        if self._is_noisy:
             flags |= {"noisy"}
         return (stuck, flags) if self._silent is None else (stuck | self._silent, flags | {"stuck"})
 
@@ -166,7 +166,7 @@ class Drift:
             self._judge(mean, noise.common / math.sqrt(np.count_nonzero(judged) * self._count))
             growth = (np.minimum(variance, MAX_BLOCK_VARIANCE) - self._variance) / VARIANCE_BLOCKS
             self._variance = self._variance + np.where(free | (deviation <= mean), growth, 0.0)
-            self.noisy = any_of(valid & (self._variance > MAX_VARIANCE))
+            self._is_noisy = bool((valid & (self._variance > MAX_VARIANCE)).any())
             changes = (noise.repeats < SILENT_READINGS) & np.isneginf(noise.clip)
             self._silent = any_of(valid & changes & (self._variance < MIN_VARIANCE))
         is_loaded = change[valid] @ noise.slopes[valid] > noise.load_level

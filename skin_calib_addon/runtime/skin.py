@@ -90,6 +90,8 @@ def load(
 class Skin:
     """Taxels of all patches of one link; row i of every array is the same taxel.
 
+    One thread at a time may update a skin. A second one gets a frame without values, with the flag ``concurrent``.
+
     Parameters
     ----------
     calibration : LinkCalibration

@@ -88,7 +88,7 @@ def _numbers(document: dict[str, Any], accessor: int, width: int, content: bytes
     if "bufferView" not in entry:
         raise ValueError("it has an accessor without numbers; export it again")
     view, kind = document["bufferViews"][entry["bufferView"]], np.dtype(NUMBERS[entry["componentType"]])
-    if (entry["type"], kind.kind) not in (("VEC3", "f"), ("SCALAR", "u")) or (entry["type"] == "VEC3") != (width == 3):
+    if (entry["type"], kind.kind) != (("VEC3", "f") if width == 3 else ("SCALAR", "u")):
         raise ValueError(f"an accessor has type {entry['type']} of {kind.name}; export it again")
     stride = view.get("byteStride", kind.itemsize * width)
     if stride < kind.itemsize * width or view.get("buffer", 0) != 0:
