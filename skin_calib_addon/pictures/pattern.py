@@ -211,7 +211,8 @@ def _svg(pattern: Pattern) -> bytes:
     text = data.getvalue().decode()
     for name, size in zip(("width", "height"), high - low):  # programs differ in what a point is
         start = text.index(f'{name}="', text.index("<svg")) + len(name) + 2
-        text = f"{text[:start]}{size:.6f}mm{text[text.index('"', start) :]}"
+        end = text.index('"', start)
+        text = f"{text[:start]}{size:.6f}mm{text[end:]}"
     return text.encode()
 
 
@@ -236,8 +237,9 @@ def _pdf(patterns: list[Pattern]) -> bytes:
                     mark.remove()
                 marks = _marks(axes, corner, area, (row, column), counts) if max(counts) > 1 else []
                 note.set_text(
-                    f"{pattern.calibration.link}: {pattern.patch.name}, row {row + 1} of {counts[1]}, column {column + 1} "
-                    f"of {counts[0]}. Print at 100%. Adjacent pages overlap by {OVERLAP:g} mm: put the marks together."
+                    f"{pattern.calibration.link}: {pattern.patch.name}, row {row + 1} of {counts[1]}, "
+                    f"column {column + 1} of {counts[0]}. Print at 100%. "
+                    f"Adjacent pages overlap by {OVERLAP:g} mm: put the marks together."
                 )
                 pages.savefig(figure)
     return data.getvalue()
@@ -282,7 +284,7 @@ def _draw(axes: Any, pattern: Pattern, low: Array, high: Array) -> None:
         corners = centre + half * ((-1, -1), (1, -1), (1, 1), (-1, 1))
         colour = 1 - 0.55 * value / largest * np.array((0.1, 0.5, 1))  # white to orange: darker as the strain grows
         axes.add_patch(Polygon(corners, facecolor=colour, edgecolor="0.45", linewidth=0.4, gid=taxel))
-        for height, text in ((0.55, label), (-0.2, f"{channel}"), (-0.65, f"{value:.1f}%")):
+        for height, text in ((0.7, label), (0.28, f"{channel}"), (-0.55, f"{value:.1f}%")):
             write(centre[0], centre[1] + height * half[1], text, size, ha="center")
     axes.plot(*pattern.centres.T, "+", color="0.3", markersize=2, markeredgewidth=0.3)
     axes.add_collection(LineCollection(pattern.outline, colors="black", linewidths=1.1, gid="outline"))
