@@ -143,7 +143,7 @@ class Pattern:
                     middle = (start + end) / 2
                     same = (holds(middle) == first)[:, None]
                     start, end = np.where(same, middle, start), np.where(same, end, middle)
-                crossings |= {(axis, *key): place for key, place in zip(at.tolist(), (start + end) / 2)}
+                crossings |= {(axis, i, j): place for (i, j), place in zip(at.tolist(), (start + end) / 2)}
         found = []
         for i, j in np.ndindex(len(x) - 1, len(y) - 1):
             sides = ((0, i, j), (1, i + 1, j), (0, i, j + 1), (1, i, j))
@@ -191,7 +191,7 @@ def write_pattern(calibration: LinkCalibration, ending: str) -> bytes:
     from matplotlib import rc_context
 
     patterns = [Pattern(calibration, patch) for patch in calibration.patches]
-    fixed = {"svg.fonttype": "none", "svg.hashsalt": "pattern", "path.simplify": False, "pdf.fonttype": 42}
+    fixed: Any = {"svg.fonttype": "none", "svg.hashsalt": "pattern", "path.simplify": False, "pdf.fonttype": 42}
     with rc_context(fixed):
         return _svg(patterns[0]) if ending == ".svg" else _pdf(patterns)
 
@@ -252,9 +252,9 @@ def _tiles(size: Array, page: tuple[float, float]) -> tuple[tuple[float, float],
 
 
 def _marks(axes: Any, corner: Array, area: Array, tile: tuple[int, int], counts: Array) -> list[Any]:
-    """Draw the edges that adjacent pages share, with a tick each 50 mm."""
+    """Draw the middle of the overlap with each adjacent page, with marks at its ends."""
     left, bottom, right, top = *corner, *(corner + area)
-    lines = []
+    lines: list[Any] = []
     style = {"color": "0.4", "linewidth": 0.5, "linestyle": (0, (6, 3))}
     for shared, x in ((tile[1] > 0, left + OVERLAP / 2), (tile[1] < counts[0] - 1, right - OVERLAP / 2)):
         lines += axes.plot((x, x), (bottom, top), marker="+", **style) if shared else []
@@ -289,7 +289,7 @@ def _draw(axes: Any, pattern: Pattern, low: Array, high: Array) -> None:
     axes.plot(*pattern.centres.T, "+", color="0.3", markersize=2, markeredgewidth=0.3)
     axes.add_collection(LineCollection(pattern.outline, colors="black", linewidths=1.1, gid="outline"))
     cover, closing = pattern.edges(pattern.is_covered), []
-    if any(patch_closed for patch_closed in pattern.surface.closed):
+    if any(pattern.surface.closed):
         closing = pattern.edges(pattern.is_other_end)
     axes.add_collection(LineCollection(cover, colors="#0072b2", linewidths=1.0, gid="cover"))
     axes.add_collection(LineCollection(closing, colors="#d55e00", linewidths=1.4, linestyles=":", gid="closing-line"))
