@@ -228,7 +228,7 @@ def _pdf(patterns: list[Pattern]) -> bytes:
             area = np.array(page) - 2 * PAGE_MARGIN
             axes = figure.add_axes((*(PAGE_MARGIN / np.array(page)), *(area / page)))
             _draw(axes, pattern, low, high)
-            note = figure.text(0.5, 4 / page[1], "", ha="center", va="center", size=3 * POINTS)
+            note = figure.text(0.5, 6 / page[1], "", ha="center", va="center", size=2.6 * POINTS)
             marks: list[Any] = []
             for row, column in np.ndindex(int(counts[1]), int(counts[0])):
                 corner = np.array((low[0], high[1] - area[1])) + (column, -row) * (area - OVERLAP)
@@ -238,7 +238,7 @@ def _pdf(patterns: list[Pattern]) -> bytes:
                 marks = _marks(axes, corner, area, (row, column), counts) if max(counts) > 1 else []
                 note.set_text(
                     f"{pattern.calibration.link}: {pattern.patch.name}, row {row + 1} of {counts[1]}, "
-                    f"column {column + 1} of {counts[0]}. Print at 100%. "
+                    f"column {column + 1} of {counts[0]}.\nPrint at 100%. "
                     f"Adjacent pages overlap by {OVERLAP:g} mm: put the marks together."
                 )
                 pages.savefig(figure)
@@ -275,7 +275,7 @@ def _draw(axes: Any, pattern: Pattern, low: Array, high: Array) -> None:
     largest = max(0.1, float(strain.max()))
     prefix = f"{patch.name}."
     short = [taxel.removeprefix(prefix) for taxel in taxels.ids]
-    size = min(2.6, 1.7 * half[0] / (TEXT_WIDTH * max(4, *map(len, short))), 0.42 * half[1])
+    size = min(2.6, 1.7 * half[0] / (TEXT_WIDTH * max(4, *map(len, short))), 0.36 * half[1])
 
     def write(x: float, y: float, text: str, mm: float = 3.0, **more: Any) -> None:
         axes.text(x, y, text.replace("$", r"\$"), size=mm * POINTS, clip_on=True, **{"va": "center", **more})
@@ -311,7 +311,9 @@ def _draw(axes: Any, pattern: Pattern, low: Array, high: Array) -> None:
     write(left + 102, y, "100 mm")
     words = ["Black: outline of the sheet."]
     words += ["Blue: edge of the cover of the link."] if cover else [f"The cover has no edge within {MARGIN:g} mm."]
-    words += ["Orange dots: closing line, the other end of the sheet."] if closing else []
+    if any(pattern.surface.closed):
+        other_end = "Orange dots: closing line, the other end of the sheet."
+        words += [other_end if closing else f"The other end of the sheet is not within {MARGIN:g} mm."]
     write(left, y - 7, " ".join(words), 2.7)
     write(left, y - 12, "Coordinates in the link frame [mm], at the middle of the skin:", 2.7)
     for number, (what, place, point) in enumerate(pattern.landmarks):
@@ -320,4 +322,9 @@ def _draw(axes: Any, pattern: Pattern, low: Array, high: Array) -> None:
         write(
             place[0] - 0.75 * half[0], place[1], letter, min(3.0, half[1]), color="#cc2277", weight="bold", ha="center"
         )
-        write(left, y - 17 - 4.5 * number, f"{letter}  {what}: " + ", ".join(f"{1e3 * c:.1f}" for c in point), 2.7)
+        write(
+            left,
+            y - 17 - 4.5 * number,
+            f"{letter}  {what}: " + ", ".join(f"{c:.1f}" for c in np.round(1e3 * point, 1) + 0.0),
+            2.7,
+        )
