@@ -179,12 +179,11 @@ def _crossings(loop: Array, uv: Array, closed: bool) -> BoolArray:
 def write_pattern(calibration: LinkCalibration, ending: str) -> bytes:
     """Return the file of a pattern: one SVG, or PDF pages (A4, with marks where they overlap)."""
     sheets = [patch.name for patch in calibration.patches if patch.kind == "sheet" and len(patch.taxels.ids)]
+    choose = f"Select them with --patch: {', '.join(sheets)}" if sheets else "This calibration has none."
     for patch in calibration.patches:
         if patch.name not in sheets:
             what = "has no taxels" if patch.kind == "sheet" else f"has the kind {patch.kind}"
-            raise SkinCalibError(
-                f"patch '{patch.name}' {what}: a pattern shows sheets. Select them with --patch: {', '.join(sheets)}"
-            )
+            raise SkinCalibError(f"patch '{patch.name}' {what}: a pattern shows sheets. {choose}")
     if not sheets or (ending == ".svg" and len(sheets) > 1):
         raise SkinCalibError(f"an SVG has one sheet, here are {len(sheets)}. Select one with --patch, or write a PDF.")
     blank(1, 1)  # raises before the computation if matplotlib is missing
