@@ -27,15 +27,18 @@ from .common import (
 )
 
 ROBOT_FORMAT = "mjcf"  # the format of a whole robot
+PATTERN = "pattern"  # the format of paper: a picture, not of a program
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = listed(WRITABLE)
+    parser.epilog = f"{listed(WRITABLE)}\n  {PATTERN:13} sheets on paper, 1:1 (.svg, .pdf)"
     parser.add_argument(
         "file", type=named_path, metavar="FILE", help="calibration file; robot.json, or its folder, as mjcf"
     )
-    parser.add_argument("--to", required=True, choices=WRITABLE, metavar="FORMAT", help="one of the formats below")
+    parser.add_argument(
+        "--to", required=True, choices=(*WRITABLE, PATTERN), metavar="FORMAT", help="one of the formats below"
+    )
     parser.add_argument("-o", "--output", required=True, type=file_name, metavar="OUT", help="file to write")
     parser.add_argument(
         "--patch", action="append", default=[], metavar="NAME", help="write only this patch; can be repeated"
@@ -47,14 +50,23 @@ def run(options: argparse.Namespace) -> int:
     check_writable(options.output)
     if is_robot(options.file):
         return _export_robot(options)
-    calibration, format = load_calibration(options.file), FORMATS[options.to]
+    calibration = load_calibration(options.file)
     if options.patch:
         calibration = only_patches(calibration, options.patch)
-    write_bytes_safely(options.output, format.write(calibration))
+    if options.to == PATTERN:
+        from ..pictures.pattern import ENDINGS, write_pattern
+
+        if (ending := options.output.suffix.lower()) not in ENDINGS:
+            raise OutputError(f"{options.output.name}: a pattern is written as {' or '.join(ENDINGS)}.")
+        what, labels, content = "sheets on paper, 1:1", "the id", write_pattern(calibration, ending)
+    else:
+        format = FORMATS[options.to]
+        what, labels, content = format.what, format.labels, format.write(calibration)
+    write_bytes_safely(options.output, content)
     for line in _of_fit(calibration):
         complain(line)
     taxels, patches = calibration.taxel_count, len(calibration.patches)
-    say(f"{options.output}: {format.what}, {taxels} taxels in {patches} patches; ids in the file: {format.labels}")
+    say(f"{options.output}: {what}, {taxels} taxels in {patches} patches; ids in the file: {labels}")
     return DONE
 
 
