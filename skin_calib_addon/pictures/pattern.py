@@ -23,7 +23,7 @@ GRID_STEP = 1.5  # [mm] of the points between which edges are searched. Larger: 
 HALVINGS = 10  # of a step of the grid at an edge. More: more exact, slower
 GEODESIC_STEPS = 4  # from the nearest taxel to a point. More: more exact, slower
 FOOTER, HEADER, MIN_WIDTH = 52.0, 22.0, 150.0  # [mm] of the texts below and above the sheet, and of their lines
-A4, PAGE_MARGIN, OVERLAP = (210.0, 297.0), 12.0, 10.0  # Format: [mm] of a page, its empty edge, two adjacent pages
+A4, PAGE_MARGIN, OVERLAP = (210.0, 297.0), 8.0, 10.0  # Format: [mm] of a page, its empty edge, two adjacent pages
 POINTS = 72 / 25.4  # of a font or line, in a mm
 TEXT_WIDTH = 0.62  # of a character, as a fraction of its height
 
@@ -227,7 +227,7 @@ def _pdf(patterns: list[Pattern]) -> bytes:
             area = np.array(page) - 2 * PAGE_MARGIN
             axes = figure.add_axes((*(PAGE_MARGIN / np.array(page)), *(area / page)))
             _draw(axes, pattern, low, high)
-            note = figure.text(0.5, 6 / page[1], "", ha="center", va="center", size=2.6 * POINTS)
+            note = figure.text(0.5, 5 / page[1], "", ha="center", va="center", size=2.6 * POINTS)
             marks: list[Any] = []
             for row, column in np.ndindex(int(counts[1]), int(counts[0])):
                 corner = np.array((low[0], high[1] - area[1])) + (column, -row) * (area - OVERLAP)
@@ -235,11 +235,11 @@ def _pdf(patterns: list[Pattern]) -> bytes:
                 for mark in marks:
                     mark.remove()
                 marks = _marks(axes, corner, area, (row, column), counts) if max(counts) > 1 else []
-                note.set_text(
-                    f"{pattern.calibration.link}: {pattern.patch.name}, row {row + 1} of {counts[1]}, "
-                    f"column {column + 1} of {counts[0]}.\nPrint at 100%. "
-                    f"Adjacent pages overlap by {OVERLAP:g} mm: put the marks together."
-                )
+                tile = ""
+                if max(counts) > 1:
+                    across, down = f"{column + 1} of {counts[0]} across", f"{row + 1} of {counts[1]} down"
+                    tile = f", page {across}, {down}; put the marks together"
+                note.set_text(f"{pattern.calibration.link}: {pattern.patch.name}{tile}. Print at 100%.")
                 pages.savefig(figure)
     return data.getvalue()
 
