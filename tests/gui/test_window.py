@@ -81,6 +81,7 @@ DRIVERS = [
     ("drive_taxels.py", "wrist", "1200x1300"),
     ("drive_imported.py", "wrist", "1200x1300"),
     ("drive_waits.py", "wrist", "1200x1300"),
+    ("drive_film.py", "wrist", "800x900"),
     ("drive_widths.py", "wrist", "1200x1300"),
     ("drive_import.py", "", "1600x900"),  # Blender's start
     ("drive_frame.py", "", "1000x1150"),

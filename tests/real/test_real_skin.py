@@ -124,6 +124,26 @@ def test_real_skin_gets_frames_on_its_link(file, name, count, known, tmp_path):
     save_calibration(LinkCalibration(name, source, (model,), (patch,)), tmp_path / "c.json")
 
 
+@pytest.mark.parametrize(
+    ("part", "name", "shipped", "estimated", "ours"),
+    [
+        ("leg_upper", "l_upper_leg", 62.6, 3.8, 6.6),
+        ("forearm", "l_forearm", 81.4, 7.0, 7.6),
+        ("foot", "l_foot_sole", 90.0, 0.0, 0.0),
+    ],
+)
+def test_normals_of_a_real_skin(part, name, shipped, estimated, ours):
+    """Median angle to the nearest face [degrees]: (1, 0, 0) as shipped, pyCub's estimates, ours."""
+    mesh, _, fit = link(name)
+    path = TAXELS / f"pycub_left_{part}.csv"
+    table = np.genfromtxt(path, delimiter=",", names=True)
+    of_mesh, of_pycub = (np.column_stack([table[f"{what}_n{c}"] for c in "xyz"]) for what in ("mesh", "pca"))
+    of_ours = imported_taxels(read_taxels(path), fit.surface, "skin", mesh).taxels.normals_link
+    for normals, known in ((np.eye(3)[:1], shipped), (of_pycub, estimated), (of_ours, ours)):
+        angles = np.degrees(np.arccos(np.clip((unit(normals) * of_mesh).sum(axis=1), -1, 1)))
+        assert_allclose(np.median(angles), known, rtol=0, atol=0.06)
+
+
 def test_findings_of_the_icub_file():
     """Upper leg: 680 of 1344 rows, a table that is too short for 210 of them, placeholders; the positions are those
     of pyCub.
