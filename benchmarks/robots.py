@@ -34,7 +34,7 @@ from pages import MARKS, left_out_area, write_table  # noqa: E402
 
 from skin_calib_addon.calibration.file import load_calibration  # noqa: E402
 from skin_calib_addon.geometry.mesh.distance import closest, closest_on_triangles  # noqa: E402
-from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh  # noqa: E402
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, stacked  # noqa: E402
 from skin_calib_addon.geometry.mesh.visibility import are_seen, visibility  # noqa: E402
 from skin_calib_addon.pictures.robot import draw_robot  # noqa: E402
 from skin_calib_addon.pipeline import calibrate  # noqa: E402
@@ -260,14 +260,29 @@ def of_proposal(urdf, folder, said):
     }
 
 
+def with_fixed(robot, meshes, link):
+    """Return the mesh of a link together with those of the links that only fixed joints connect with it."""
+    group, poses = [link], link_poses(robot)
+    for current in group:  # grows
+        for joint in robot.joints.values():
+            pair = (joint.parent, joint.child)
+            if joint.type == "fixed" and current in pair:
+                group += [other for other in pair if other not in group]
+    parts = []
+    for other in filter(meshes.get, group):
+        pose = np.linalg.inv(poses[link]) @ poses[other]
+        parts.append((meshes[other].vertices @ pose[:3, :3].T + pose[:3, 3], meshes[other].faces))
+    return TriangleMesh(*stacked(parts))
+
+
 def of_taxels(urdf, folder):
     """Return the rows about all taxels, each compared with the visible faces of its link; fixed links hide, too."""
     robot = read_robot(urdf)
-    keep_out, worst = KeepOut(robot, load_urdf_meshes(urdf, robot)[0]), {}  # by row: (value, link)
+    meshes, worst = load_urdf_meshes(urdf, robot)[0], {}  # by row: (value, link)
     counts, codes, area = Counter(), Counter(), 0.0
     for path in sorted(folder.glob("*.calibration.json")):
         calibration = load_calibration(path)
-        mesh = keep_out.meshes[calibration.link]
+        mesh = meshes[calibration.link]
         taxels = [patch.taxels for patch in calibration.patches]
         positions, normals = (
             np.concatenate([getattr(t, k) for t in taxels]) for k in ("positions_link", "normals_link")
@@ -284,7 +299,7 @@ def of_taxels(urdf, folder):
             value = float(values[silent | (name == "distance")].max(initial=0))
             worst[name] = max(worst.get(name, (0.0, "")), (value, calibration.link))
         counts["steep"] += int((mean[silent] > STEEP).sum())
-        around = keep_out.with_fixed(calibration.link)
+        around = with_fixed(robot, meshes, calibration.link)
         counts["hidden"] += int((~are_seen(around, positions + LIFT * normals, normals)).sum())
         counts["inward"] += int((centre > 90).sum())
         counts["overlaps"] += overlaps(calibration)

@@ -2,11 +2,11 @@
 
 A ball in front of each point must stay free: it touches the point, and its diameter is the clearance. So faces that
 look away from another link stay free, however near it is. Each other link is a field of distances, through which the
-balls of a link move in steps as long as their distance. Links that are fixed to a link also cover what they hide from
-far away.
+balls of a link move in steps as long as their distance. All links together also cover what they hide from far away in
+each of some poses.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,8 +18,8 @@ from ..common.findings import did_you_mean, show
 from ..geometry.mesh.distance_field import DistanceField
 from ..geometry.mesh.face_points import sample_faces
 from ..geometry.mesh.triangle_mesh import TriangleMesh, stacked
-from ..geometry.mesh.visibility import MIN_OPEN, DepthBuffers, point_distance
-from .kinematics import joint_pose
+from ..geometry.mesh.visibility import HIDING_HEIGHT, MIN_OPEN, DepthBuffers, point_distance
+from .kinematics import joint_pose, link_poses
 from .link_mesh import shapes_of
 from .urdf import ONE_AXIS, Joint, Robot
 
@@ -35,7 +35,13 @@ CELL_SIDE = 0.5
 # [m] travel of a prismatic joint to either side; some files write 1e16 for "no limit". Larger: less exact.
 MAX_TRAVEL = 1e3
 
-FIXED_PARTS = "what is fixed to it"  # hides a part of a link from most directions
+# [1] poses of the robot, spread over the ranges of its joints, in one of which a place must be in the open. More: what
+# is open in rare postures only counts as free, and it takes longer.
+POSES = 9
+# [pixels of the buffers] height from which on a link hides a part of itself in a pose. Smaller: what it hides counts
+# twice, and coarsely.
+OWN_HEIGHT = 2.0
+HIDDEN = "what hides it in every pose"  # hides a part of a link from most directions
 
 Leg = tuple[Joint, bool]  # a joint on the path from one link to another, and whether the path leads to its child
 
@@ -43,10 +49,10 @@ Leg = tuple[Joint, bool]  # a joint on the path from one link to another, and wh
 class KeepOut:
     """What of each link of a robot others cover or touch in the joint ranges; their fields are computed once.
 
-    Other links are those with at most two moving joints between. Joints without limits turn fully; prismatic ones
-    without limits stay at zero. Links behind a floating or planar joint do not count. A point is also covered if the
-    link and those fixed to it hide it from most directions. Boxes, cylinders, spheres and capsules cover their own
-    link, too.
+    Other links are those with at most two moving joints between; what is further away counts in the zero pose. Joints
+    without limits turn fully; prismatic ones without limits stay at zero. Links behind a floating or planar joint do
+    not count. A point is also covered if all links together hide it from most directions, in the zero pose and in
+    others. Boxes, cylinders, spheres and capsules cover their own link, too.
     """
 
     def __init__(self, robot: Robot, meshes: Mapping[str, TriangleMesh], clearance: float = CLEARANCE):
@@ -55,49 +61,88 @@ class KeepOut:
         self.fields: dict[TriangleMesh, DistanceField] = {}
 
     def __call__(self, link: str, points: Array, normals: Array) -> BoolArray:
-        """Return which points (k, 3) are covered or touched by another link, or hidden by those fixed to their link."""
+        """Return which points (k, 3) are covered or touched by another link, or hidden in every pose."""
         is_covered: BoolArray = self.coverers(link, points, normals) != ""
         return is_covered
 
     def coverers(self, link: str, points: Array, normals: Array) -> Array:
-        """Return what covers each point: a link, nearest joints first, ``FIXED_PARTS``, or an empty text."""
+        """Return what covers each point: a link, nearest joints first, ``HIDDEN``, or an empty text."""
         if link not in self.robot.links:
             raise UnknownLink(f"{self.robot.file} has no link {show(link)}{did_you_mean(link, self.robot.links)}")
-        balls = np.asarray(points, float) + self.radius * np.asarray(normals, float)
+        points, normals = np.asarray(points, float), np.asarray(normals, float)
+        balls = points + self.radius * normals
         found = np.full(len(balls), "", object)
         for other, mesh, path in self._around(link):
             if mesh is not self.meshes.get(link):
                 free = np.flatnonzero(found == "")
                 found[free[_Motion(path, self._field(mesh), self.radius).is_met(balls[free])]] = other
-        group = self.with_fixed(link)
-        if group is not None and group is not self.meshes.get(link):
-            distance = point_distance(group)
-            buffers, free = DepthBuffers.of(sample_faces(group, distance)[0], distance), np.flatnonzero(found == "")
-            openness = buffers.openness(np.asarray(points)[free], np.asarray(normals)[free])[0]
-            found[free[openness <= MIN_OPEN]] = FIXED_PARTS
+        found[found == ""] = self._met_at_home(link, balls[found == ""])
+        hidden = np.flatnonzero(found == "")
+        for view in self.views:
+            hidden = hidden[view.openness(link, points[hidden], normals[hidden]) <= MIN_OPEN]
+        found[hidden] = HIDDEN
         return found
 
-    def with_fixed(self, link: str) -> TriangleMesh | None:
-        """Return the mesh and shapes of a link together with those of the links that no joint moves against it."""
-        found = []
-        for _, mesh, path in self._around(link):
-            if not any(_turn(joint, 1) for joint, _ in path):
-                pose = np.eye(4)  # of the link in the frame of the other one
-                for leg in path:
-                    pose = _step(*leg) @ pose
-                found.append(((mesh.vertices - pose[:3, 3]) @ pose[:3, :3], mesh.faces))
-        own = self.meshes.get(link)
-        return own if len(found) == (own is not None) else TriangleMesh(*stacked(found))
+    @cached_property
+    def views(self) -> tuple["_View", ...]:
+        """Return what is in front of what in each pose."""
+        parts = [(link, mesh) for kind in (self.meshes, self.shapes) for link, mesh in kind.items()]
+        if not parts:
+            return ()
+        distance = point_distance(TriangleMesh(*stacked([(mesh.vertices, mesh.faces) for _, mesh in parts])))
+        points = [(link, sample_faces(mesh, distance)[0]) for link, mesh in parts]
+        return tuple(_View.of(points, poses, distance) for poses in spread_poses(self.robot, POSES))
 
     def _around(self, link: str) -> Iterator[tuple[str, TriangleMesh, tuple[Leg, ...]]]:
         """Yield the meshes and shapes of a link and of those around it: name, mesh, and path to its frame."""
         for other, path in ((link, ()), *paths_from(self.robot, link)):
             yield from ((other, parts[other], path) for parts in (self.meshes, self.shapes) if other in parts)
 
+    def _met_at_home(self, link: str, balls: Array) -> Array:
+        """Return which link with more joints between meets each ball (k, 3) in the zero pose, or an empty text."""
+        found, home = np.full(len(balls), "", object), next(spread_poses(self.robot, 1))
+        around = {link, *(other for other, _ in paths_from(self.robot, link))}
+        for other, mesh in ((o, m) for parts in (self.meshes, self.shapes) for o, m in parts.items()):
+            if other not in around:
+                pose = np.linalg.inv(home[other]) @ home[link]
+                found[self._field(mesh)(balls @ pose[:3, :3].T + pose[:3, 3]) < self.radius] = other
+        return found
+
     def _field(self, mesh: TriangleMesh) -> DistanceField:
         if mesh not in self.fields:
             self.fields[mesh] = DistanceField(mesh, CELL_SIDE * self.radius)
         return self.fields[mesh]
+
+
+def spread_poses(robot: Robot, count: int) -> Iterator[dict[str, Array]]:
+    """Yield the poses of all links: as near to zero as the ranges of the joints allow, then random, always the same."""
+    turns = {j.name: t for j in robot.joints.values() if j.type in ONE_AXIS and not j.mimic and (t := _turn(j, 1))}
+    rng = np.random.default_rng(0)
+    yield link_poses(robot, {name: float(np.clip(0, turn.low, turn.high)) for name, turn in turns.items()})
+    for _ in range(count - 1):
+        yield link_poses(robot, {name: rng.uniform(turn.low, turn.high) for name, turn in turns.items()})
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """What of a robot is in front of what in one pose."""
+
+    poses: Mapping[str, Array]
+    buffers: DepthBuffers
+    links: Array  # of the points of the buffers
+
+    @classmethod
+    def of(cls, points: Sequence[tuple[str, Array]], poses: Mapping[str, Array], distance: float) -> "_View":
+        """Fill the buffers with the points (k, 3) of all links in their frames [m]."""
+        moved = [p @ poses[link][:3, :3].T + poses[link][:3, 3] for link, p in points]
+        links = np.repeat([link for link, _ in points], [len(p) for p in moved])
+        return cls(poses, DepthBuffers.of(np.concatenate(moved), distance), links)
+
+    def openness(self, link: str, points: Array, normals: Array) -> Array:
+        """Return how open the space above points (k, 3) of a link is, shape (k,): 0 is hidden, 1 is free."""
+        pose = self.poses[link]
+        least = np.where(self.links == link, OWN_HEIGHT * self.buffers.pixel, HIDING_HEIGHT)
+        return self.buffers.openness(points @ pose[:3, :3].T + pose[:3, 3], normals @ pose[:3, :3].T, least)[0]
 
 
 def paths_from(robot: Robot, link: str) -> Iterator[tuple[str, tuple[Leg, ...]]]:

@@ -119,8 +119,10 @@ class DepthBuffers:
             fronts[1] = np.where(lowest == 2**63 - 1, -1, lowest & (2**32 - 1))
         return buffers
 
-    def openness(self, points: Array, normals: Array) -> Array:
+    def openness(self, points: Array, normals: Array, least: Array | float = HIDING_HEIGHT) -> Array:
         r"""Return how open the space above points is, on the side of their normals and on the other side.
+
+        ``least`` is the height [m] above the plane of a face from which on each point of the mesh hides it.
 
         This is :math:`\frac{4}{m} \sum_i \cos\alpha_i` over the directions that see the point, of m directions, with
         the angle :math:`\alpha_i` to the normal: 1 for a free point, 0 for a hidden one (ambient occlusion; Zhukov et
@@ -128,12 +130,13 @@ class DepthBuffers:
         """
         points, normals = np.subtract(points.T, self.middle, order="C"), np.ascontiguousarray(normals.T)
         heights, sums = _dot(points, normals), np.zeros((2, points.shape[1]))
+        least = np.broadcast_to(least, self.hiding.shape[1])
         for (right, up, viewer), fronts in zip(view_frames(), self.fronts):
             here, cosines = self._pixels(right, up, points), _dot(normals, viewer)
             for front, sign in zip(fronts, (1, -1)):
                 found, facing = front[here], sign * cosines
                 above = sum(h.take(found) * n for h, n in zip(self.hiding, normals)) - heights
-                is_free = (found < 0) | (above * np.sign(facing) < HIDING_HEIGHT)
+                is_free = (found < 0) | (above * np.sign(facing) < least.take(found))
                 facing *= (np.abs(facing) > MIN_VIEW_COSINE) & is_free
                 sums[0] += np.maximum(facing, 0)
                 sums[1] -= np.minimum(facing, 0)

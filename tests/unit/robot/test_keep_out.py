@@ -8,7 +8,7 @@ import trimesh
 
 from skin_calib_addon.common.errors import CalibrationFormatError, UnknownLink
 from skin_calib_addon.geometry.mesh.face_points import sample_faces
-from skin_calib_addon.robot.keep_out import CLEARANCE, FIXED_PARTS, KeepOut, paths_from
+from skin_calib_addon.robot.keep_out import CLEARANCE, HIDDEN, KeepOut, paths_from
 from skin_calib_addon.robot.kinematics import link_poses
 from skin_calib_addon.robot.urdf import Joint, Robot, read_robot
 from tests.oracles import box_distance
@@ -101,19 +101,36 @@ def test_what_is_inside_of_a_closed_link_is_covered():
     np.testing.assert_array_equal(found, (True, True, False))
 
 
-@pytest.mark.parametrize("joint, count", [("fixed", 1), ("revolute", 0)])
-def test_a_fixed_shell_hides_what_is_below_it_at_any_distance(joint, count):
-    """A bowl over the face, 20 mm above it; one that turns away leaves the face free somewhere."""
+@pytest.mark.parametrize("kind", ["fixed", "revolute"])
+def test_a_shell_hides_what_is_below_it_at_any_distance(kind):
+    """A bowl over the face, 20 mm above it, also on a joint that hardly moves; what is on the other side stays free."""
     rng = np.random.default_rng(0)
     low, high, turn = np.array((-0.08, -0.08, -0.01)), np.array((0.08, 0.08, 0.0)), tuple(rng.uniform(-1, 1, 3))
-    fixed = robot(Joint("j", joint, "cover", "base", (0.1, 0.2, -0.3), turn, limits=(0, 0.001)))
-    to_cover = link_poses(fixed)["base"]
+    stands = robot(Joint("j", kind, "cover", "base", (0.1, 0.2, -0.3), turn, limits=(0, 0.001)))
+    to_cover = link_poses(stands)["base"]
     bowl = trimesh.creation.icosphere(3, 0.08)
     bowl = bowl.submesh([bowl.triangles_center[:, 2] > -0.06], append=True).apply_translation((0, 0, 0.08))
     meshes = {"base": box(low, high), "cover": welded(bowl.apply_transform(to_cover))}
-    points, normals = floor(-0.02, 0.02, 5)
-    assert KeepOut(fixed, meshes)("base", points, normals).all() == count
-    assert not KeepOut(fixed, meshes)("base", points - 0.01 * UP, -normals).any()
+    points, normals = floor(-0.015, 0.015, 5)
+    assert (KeepOut(stands, meshes).coverers("base", points, normals) == HIDDEN).all()
+    assert not KeepOut(stands, meshes)("base", points - 0.01 * UP, -normals).any()
+
+
+def helmet(opening):
+    """A sphere of 100 mm around the origin, without the part of it in front of x = ``opening``."""
+    ball = trimesh.creation.icosphere(4, 0.1)
+    return welded(ball.submesh([ball.triangles_center[:, 0] < opening], append=True))
+
+
+@pytest.mark.parametrize(("opening", "limits", "count"), [(1, (-2, 2), 0), (0.08, (-2, 2), 9), (0.08, (2.5, 3), 0)])
+def test_what_another_link_encloses_in_every_pose_is_hidden(opening, limits, count):
+    """A head in a helmet with a window; it turns its face to the window, to both sides of it, or never."""
+    worn = robot(Joint("j", "revolute", "helmet", "head", axis=(0, 0, 1.0), limits=limits))
+    y, z = np.meshgrid(*[np.linspace(-0.005, 0.005, 3)] * 2)
+    face = np.column_stack((np.full(9, 0.05), y.ravel(), z.ravel()))
+    head = box((-0.05, -0.03, -0.03), (0.05, 0.03, 0.03))
+    found = KeepOut(worn, {"helmet": helmet(opening), "head": head})("head", face, np.tile((1.0, 0, 0), (9, 1)))
+    assert (~found).sum() == count
 
 
 def test_what_covers_a_point_is_named():
@@ -129,7 +146,7 @@ def test_what_covers_a_point_is_named():
     meshes = {"base": BASE, "left": plate, "right": plate, "bowl": welded(bowl)}
     points = np.array([(-0.1, 0, 0), (0.1, 0, 0), (0, 0, 0), (0, 0.13, 0)])
     found = KeepOut(parts, meshes).coverers("base", points, np.tile(UP, (4, 1)))
-    assert found.tolist() == ["left", "right", FIXED_PARTS, ""]
+    assert found.tolist() == ["left", "right", HIDDEN, ""]
 
 
 SHAPES = {"a": ((-0.03, -0.02, -0.05), (0.03, 0.02, 0.0)), "b": ((-0.01,) * 3, (0.02, 0.015, 0.01))}
@@ -208,7 +225,6 @@ def test_boxes_and_cylinders_cover_as_meshes_do(tmp_path):
     found = covers("base", bottom, -up)
     near = (np.abs(bottom[:, 0]) < 0.045) & (np.abs(bottom[:, 1]) < 0.003)
     assert near.sum() > 10 and found[near].all() and not found[np.abs(bottom[:, 1]) > 0.08].any()
-    assert covers.with_fixed("base").size > BASE.size
 
 
 def test_capsule_covers_what_is_below_its_cylinder_and_its_ends(tmp_path):
@@ -230,3 +246,14 @@ def test_shape_without_its_sizes_is_refused(tmp_path, shape):
     (tmp_path / "bot.urdf").write_text(text)
     with pytest.raises(CalibrationFormatError, match="line 2 has a (box|sphere|cylinder) without the sizes"):
         read_robot(tmp_path / "bot.urdf")
+
+
+def test_what_is_many_joints_away_covers_in_the_zero_pose():
+    """Two plates face each other, 8 mm apart, at the ends of six joints."""
+    joints = [Joint(f"{k}", "revolute", f"{k}", f"{k + 1}", limits=(-1, 1)) for k in range(5)]
+    arms = robot(*joints, Joint("5", "revolute", "5", "6", (0, 0, 0.008), limits=(-1, 1)))
+    meshes = {"0": BASE, "6": box((-0.03, -0.02, 0), (0.03, 0.02, 0.005))}
+    points, normals = floor(-0.08, 0.08, 9)
+    found = KeepOut(arms, meshes).coverers("0", points, normals)
+    inside = (np.abs(points) < (0.03, 0.02, 1)).all(axis=1)
+    assert (found[inside] == "6").all() and (found[np.abs(points[:, 1]) > 0.03] == "").all()
