@@ -40,6 +40,8 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--to", required=True, choices=(*WRITABLE, PATTERN), metavar="FORMAT", help="one of the formats below"
     )
     parser.add_argument("-o", "--output", required=True, type=file_name, metavar="OUT", help="file to write")
+    parser.add_argument("--free-base", action="store_true", help="robot: it moves freely instead of being fixed")
+    parser.add_argument("--actuators", action="store_true", help="robot: a motor for each joint, with its effort")
     parser.add_argument(
         "--patch", action="append", default=[], metavar="NAME", help="write only this patch; can be repeated"
     )
@@ -50,6 +52,8 @@ def run(options: argparse.Namespace) -> int:
     check_writable(options.output)
     if is_robot(options.file):
         return _export_robot(options)
+    if options.free_base or options.actuators:
+        raise OutputError("--free-base and --actuators are for a robot. Name robot.json, or its folder.")
     calibration = load_calibration(options.file)
     if options.patch:
         calibration = only_patches(calibration, options.patch)
@@ -82,7 +86,7 @@ def _export_robot(options: argparse.Namespace) -> int:
     urdf = folder / robot.urdf.file
     mesh_folder = options.output.with_name(f"{options.output.stem}_meshes")
     content = read_robot(urdf)
-    model = robot_mjcf(content, urdf, calibrations, mesh_folder.name)
+    model = robot_mjcf(content, urdf, calibrations, mesh_folder.name, options.free_base, options.actuators)
     inputs = [robot_file(options.file), urdf, *(folder / link.calibration for link in robot.links), *model.sources]
     check_target(options.output, *inputs)
     for name in model.meshes:
@@ -102,16 +106,24 @@ def _export_robot(options: argparse.Namespace) -> int:
     )
     if model.uncovered:
         say(f"collision shapes that would hide skin are switched off: {', '.join(model.uncovered)}")
-    for line in model.covered:
-        complain(f"warning: {line}")
+    for (link, other), count in model.covered.items():
+        complain(
+            f"warning: {counted(count, 'taxel')} of {link} {'is' if count == 1 else 'are'} below the collision shape "
+            f"of {other} in the zero pose: no press is felt there"
+        )
+    for line in model.dead:
+        complain(line)
     if model.assumed:
         say(
             "the URDF does not state the mass and inertia of moving links, or of links that are fixed to them; "
             f"MuJoCo assumed {', '.join(model.assumed)}. Write them in the URDF before a simulation"
         )
     if model.balanced:
-        say(f"no rigid body has the inertia that the URDF states; MuJoCo changed it: {', '.join(model.balanced)}")
-    return WRONG_DATA if problems or model.problems else DONE
+        say(
+            "no rigid body has the inertia that the URDF states; the model has the nearest possible: "
+            f"{', '.join(model.balanced)}"
+        )
+    return WRONG_DATA if problems or model.problems or model.dead else DONE
 
 
 def _of_fit(calibration: LinkCalibration) -> Iterator[str]:

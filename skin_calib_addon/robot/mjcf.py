@@ -12,7 +12,7 @@ import numpy as np
 
 from ..calibration.exchange.mjcf import write_mjcf
 from ..calibration.model import LinkCalibration
-from ..common.errors import InvalidMesh, SkinCalibError, counted
+from ..common.errors import InvalidMesh, SkinCalibError
 from ..common.findings import show
 from ..common.text import NumberError, read_text, real
 from ..geometry.mesh.triangle_mesh import MAX_MESH_SIZE, TriangleMesh, read_mesh
@@ -28,13 +28,14 @@ PARTS = ("link", "joint", "material")  # Format: what MuJoCo needs of a URDF; ot
 WORLD = "world"  # Format: name of the body of MuJoCo that carries all others; a first link of this name is this body
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")  # Format: attributes in a URDF
 MOMENTS = ("ixx", "iyy", "izz")  # Format: those of them that are positive
-INERTIA_PRECISION = 1e-4  # Format: [1] of inertias in a URDF
+INERTIA_PRECISION = 1e-4  # Format: [1] of inertias in a URDF. Larger: more changes of them are not stated
 MASS_PRECISION = 1e-3  # Format: [1] of masses in the models that MuJoCo writes. Larger: another mass is not stated
-# [1] of the largest inertia of a flat part below the sum of the others. Larger: a less exact inertia; smaller: the six
-# digits of the model that MuJoCo writes make it impossible.
+# [1] of the trace: least second moment of a flat part. Larger: a less exact inertia; smaller: the six digits of the
+# model that MuJoCo writes make it impossible.
 INERTIA_MARGIN = 2e-5
-# How MuJoCo compiles the robot. Links stay bodies of their own, also if they are fixed. Inertias that no rigid body can
-# have, which are frequent in URDF files, are balanced, and masses of zero become positive.
+MAX_DEAD = 0.5  # [1] of the taxels of a link that feel no press, above which the export fails
+# How MuJoCo compiles the robot. Links stay bodies of their own, also if they are fixed. What is left of impossible
+# inertias is balanced, and masses of zero become positive.
 COMPILER = {
     "fusestatic": "false",
     "discardvisual": "false",
@@ -54,17 +55,26 @@ class RobotModel:
     sources: tuple[Path, ...]  # mesh files of the robot
     problems: tuple[str, ...]  # meshes and skins that the model does not have, a line each
     uncovered: tuple[str, ...]  # bodies with a collision shape that is switched off, because it would hide a skin
-    covered: tuple[str, ...]  # taxels below collision shapes of other links, a line for each pair of links
-    balanced: tuple[str, ...]  # links whose inertia no rigid body can have; the model has another one
+    covered: Mapping[tuple[str, str], int]  # taxels of a link below collision shapes of another one
+    dead: tuple[str, ...]  # links most of whose taxels feel no press, a line each
+    balanced: tuple[str, ...]  # links whose inertia no rigid body can have; the model has the nearest possible one
     assumed: tuple[str, ...]  # moving links whose mass or inertia the URDF does not state, with their mass in the model
 
 
-def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibration], mesh_folder: str) -> RobotModel:
+def robot_mjcf(
+    robot: Robot,
+    urdf: Path,
+    calibrations: Mapping[str, LinkCalibration],
+    mesh_folder: str,
+    free_base: bool = False,
+    actuators: bool = False,
+) -> RobotModel:
     """Return a model of the robot, with a body for each skin that is fixed to its link.
 
     Names of a skin begin with the name of the link and a slash: ``data.sensor("arm/wrist.0.0")``. The root of the robot
-    is fixed to the world. Collision shapes of a link that hide a taxel are switched off: its cells collide instead.
-    Bodies that overlap in the zero pose do not collide with each other.
+    is fixed to the world, or free. Collision shapes that hide a taxel of their link, or of one that is fixed to it, are
+    switched off: its cells collide instead. Bodies that overlap in the zero pose do not collide with each other.
+    Actuators are motors with the names and the effort of the joints.
     """
     try:
         import mujoco
@@ -84,7 +94,11 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
         for link, text in skins.items():
             skin = mujoco.MjSpec.from_string(text).body(link)
             spec.body(link).add_frame().attach_body(skin, f"{link}/", "")
-        uncovered, covered = _uncover(spec, [f"{link}/{link}" for link in skins], mujoco)
+        uncovered, covered, hidden = _uncover(spec, [f"{link}/{link}" for link in skins], mujoco)
+        if free_base:
+            _free(spec, urdf.name)
+        if actuators:
+            _add_motors(spec, description, mujoco)
         spec.compile()
         spec.meshdir = mesh_folder
         text = spec.to_xml().replace("<compiler ", '<compiler balanceinertia="true" ', 1)  # MuJoCo does not write it
@@ -94,14 +108,43 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
         raise SkinCalibError(f"MuJoCo does not accept {urdf.name}: {' '.join(str(error).split())}") from error
     masses = {model.body(i).name: float(model.body_mass[i]) for i in range(model.nbody)}
     assumed = _with_assumed_mass(robot, ET.fromstring(description), masses)
-    return RobotModel(text.encode(), meshes, sources, tuple(problems), uncovered, covered, impossible, assumed)
+    dead = tuple(
+        f"{count} of {calibrations[link].taxel_count} taxels of {link} feel no press: they are below collision shapes "
+        f"of {', '.join(other for one, other in covered if one == link)}. Remove these shapes, or propose the skin anew"
+        for link, count in hidden.items()
+        if count > MAX_DEAD * calibrations[link].taxel_count
+    )
+    return RobotModel(text.encode(), meshes, sources, tuple(problems), uncovered, covered, dead, impossible, assumed)
+
+
+def _free(spec: Any, urdf: str) -> None:
+    """Let the robot move freely, with its first link at the origin."""
+    first = spec.worldbody.first_body()
+    if any(joint.type == 0 for joint in spec.joints):  # mjJNT_FREE
+        raise SkinCalibError(f"{urdf} has a floating joint: the robot is free without --free-base.")
+    first.add_freejoint(name=f"{first.name}_free")
+
+
+def _add_motors(spec: Any, description: str, mujoco: Any) -> None:
+    """Add a motor for each joint that moves, except for those that follow others, with its effort as its limit."""
+    stated = {joint.get("name"): joint for joint in ET.fromstring(description).findall("joint")}
+    for joint in spec.joints:
+        element = stated.get(joint.name)
+        if element is None or element.find("mimic") is not None or joint.type == mujoco.mjtJoint.mjJNT_FREE:
+            continue
+        motor = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        limit = element.find("limit")
+        effort = abs(real(limit.get("effort", "0"))) if limit is not None else 0.0
+        if effort > 0:
+            motor.ctrllimited, motor.ctrlrange = True, [-effort, effort]
 
 
 def _with_possible_inertias(root: ET.Element) -> tuple[str, ...]:
-    """Correct inertias that rounding makes impossible; return the links whose inertia no rigid body can have.
+    """Replace inertias that no rigid body can have by the nearest possible, and return their links.
 
-    A principal inertia is at most the sum of the others, and that of a flat part is this sum. Where it is above it by
-    the rounding of a file, it becomes smaller, because MuJoCo would replace all three by their mean.
+    An inertia is possible if the second moments of the mass, tr(I)/2 - I, are not negative; those of a flat part have a
+    zero. Negative ones become as small as the six digits of a model allow. Links of flat parts, whose inertias are
+    impossible by rounding, are not returned.
     """
     found = []
     for link in root.findall("link"):
@@ -111,14 +154,17 @@ def _with_possible_inertias(root: ET.Element) -> tuple[str, ...]:
                 xx, xy, xz, yy, yz, zz = (real(inertia.get(name, "0").strip()) for name in INERTIA)
             except NumberError:  # MuJoCo refuses it with a message
                 continue
-            principal, axes = np.linalg.eigh(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
-            limit = principal[:2].sum()
-            if principal[0] < 0 or principal[2] > (1 + INERTIA_PRECISION) * limit:
+            matrix = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+            moments, axes = np.linalg.eigh(np.trace(matrix) / 2 * np.eye(3) - matrix)
+            least = INERTIA_MARGIN * moments.sum()
+            if moments[0] >= least:
+                continue
+            if moments[0] < -INERTIA_PRECISION * abs(moments).max() or moments[:2].sum() < 0:
                 found.append(link.get("name", ""))
-            elif principal[2] > (1 - INERTIA_MARGIN) * limit:
-                principal[2] = (1 - INERTIA_MARGIN) * limit
-                values = (axes * principal @ axes.T)[np.triu_indices(3)].tolist()
-                inertia.attrib.update(zip(INERTIA, map(repr, values)))
+            if least > 0:
+                moments = np.maximum(moments, least)
+                possible = axes * (moments.sum() - moments) @ axes.T
+                inertia.attrib.update(zip(INERTIA, map(repr, possible[np.triu_indices(3)].tolist())))
     return tuple(found)
 
 
@@ -153,12 +199,14 @@ def _mass_and_inertia(link: ET.Element) -> tuple[float, float]:
     return 0.0 if mass is None else float(mass.get("value", "0")), sum(moments)
 
 
-def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _uncover(
+    spec: Any, skins: list[str], mujoco: Any
+) -> tuple[tuple[str, ...], dict[tuple[str, str], int], dict[str, int]]:
     """Switch off what would be touched instead of a skin, and contacts of the robot with itself at zero.
 
     MuJoCo collides with the convex hull of a mesh. That of a concave link is above its skin. Those of adjacent links
-    overlap. Shapes of other links stay, even if they are fixed to the link and cover a taxel: they may be all that
-    touches the world.
+    overlap. Shapes of the same rigid body count, too: some robots have them on links of their own. Others stay. Return
+    the bodies with such shapes, the taxels below others for each pair of links, and for each link.
     """
     trial = spec.copy()
     probe = trial.worldbody.add_body().add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[MIN_PROTRUSION, 0, 0])
@@ -179,7 +227,7 @@ def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[tuple[str, ...],
         is_near = np.linalg.norm(data.geom_xpos - place, axis=1) < model.geom_rbound + MIN_PROTRUSION
         for geom in np.flatnonzero(collides & is_near).tolist():
             if geom not in hiding and mujoco.mj_geomDistance(model, data, probe.id, geom, MIN_PROTRUSION, None) < 0:
-                if model.geom_bodyid[geom] == link:
+                if model.body_weldid[model.geom_bodyid[geom]] == model.body_weldid[link]:
                     hiding.add(geom)
                 else:
                     over.append((site, link, geom))
@@ -191,12 +239,9 @@ def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[tuple[str, ...],
     # Only now it is known which shapes are switched off. A taxel below two shapes of one link counts once.
     below = {(site, link, int(model.geom_bodyid[geom])) for site, link, geom in over if geom not in hiding}
     covering = Counter((model.body(link).name, model.body(body).name) for _, link, body in sorted(below))
-    covered = tuple(
-        f"{counted(count, 'taxel')} of {link} {'is' if count == 1 else 'are'} below the collision shape of {other} "
-        "in the zero pose: no press is felt there"
-        for (link, other), count in covering.items()
-    )
-    return tuple(dict.fromkeys(model.body(model.geom_bodyid[geom]).name for geom in sorted(hiding))), covered
+    hidden = Counter(model.body(link).name for _, link in sorted({(site, link) for site, link, _ in below}))
+    names = tuple(dict.fromkeys(model.body(model.geom_bodyid[geom]).name for geom in sorted(hiding)))
+    return names, dict(covering), dict(hidden)
 
 
 def _free_in_the_world(root: ET.Element, robot: Robot, skins: Container[str]) -> None:

@@ -242,23 +242,23 @@ def test_shapes_up_to_a_millimetre_below_the_taxels_are_switched_off(millimetres
         <body name="skin"><geom type="box" size=".002 .002 .001" pos="0 0 {0.009 + 1e-3 * millimetres}" mass="0"/>
         <site pos="0 0 {0.01 + 1e-3 * millimetres}"/></body></body></worldbody></mujoco>"""
     )
-    assert mjcf._uncover(spec, ["skin"], mujoco) == (("arm",) if hides else (), ())
+    assert mjcf._uncover(spec, ["skin"], mujoco)[0] == (("arm",) if hides else ())
     assert (spec.geom("shape").contype == 0) == hides
 
 
 @pytest.mark.parametrize("joint", ['<joint axis="0 0 1"/>', ""])
 @pytest.mark.parametrize(("millimetres", "covers"), [(-3.0, True), (0.9, True), (1.1, False)])
 def test_taxels_below_shapes_of_other_links_are_stated(millimetres, covers, joint):
-    """A box of the base over a taxel of the arm stays, because it may be all that touches the world; also if fixed."""
+    """A box of the base over a taxel of the arm stays, because it may be all that touches the world; not if fixed."""
     spec = mujoco.MjSpec.from_string(
         f"""<mujoco><worldbody><body name="base"><geom name="shape" type="box" size=".02 .02 .01" mass="1"/>
         <body name="arm">{joint}<geom type="sphere" size=".001" pos="0 .1 0" mass="1"/>
         <body name="arm/skin"><geom type="box" size=".002 .002 .001" pos="0 0 {0.009 + 1e-3 * millimetres}" mass="0"/>
         <site pos="0 0 {0.01 + 1e-3 * millimetres}"/></body></body></body></worldbody></mujoco>"""
     )
-    uncovered, covered = mjcf._uncover(spec, ["arm/skin"], mujoco)
-    assert uncovered == () and spec.geom("shape").contype == 1
-    assert len(covered) == covers and all("1 taxel of arm is below the collision shape of base" in k for k in covered)
+    uncovered, covered, hidden = mjcf._uncover(spec, ["arm/skin"], mujoco)
+    assert uncovered == (("base",) if covers and not joint else ())
+    assert covered == ({("arm", "base"): 1} if covers and joint else {}) and len(hidden) == len(covered)
 
 
 def test_shape_that_is_switched_off_covers_no_taxel():
@@ -270,7 +270,7 @@ def test_shape_that_is_switched_off_covers_no_taxel():
         <body name="arm/skin">{skin.format(0.01)}</body><body name="base/skin">{skin.format(-0.01)}
         </body></worldbody></mujoco>"""
     )
-    assert mjcf._uncover(spec, ["arm/skin", "base/skin"], mujoco) == (("base",), ())
+    assert mjcf._uncover(spec, ["arm/skin", "base/skin"], mujoco) == (("base",), {}, {})
     assert spec.geom("shape").contype == 0
 
 
@@ -285,18 +285,42 @@ def test_mesh_in_millimetres_is_left_out(robot, capsys):
     )
 
 
-def test_shape_that_is_fixed_to_a_link_is_not_that_of_the_link(robot, capsys):
-    """A lid over the arm: presses there are felt by the lid, and a line states how many taxels it covers."""
+LID = f'<link name="lid">{INERTIAL}<collision><geometry><box size="0.2 0.2 0.02"/></geometry></collision></link>'
+
+
+def test_shape_that_is_fixed_to_a_link_is_switched_off(robot, capsys):
+    """A lid over the arm, as a link of its own: presses on the skin are felt."""
     urdf = robot / "bot" / "bot.urdf"
-    lid = f'<link name="lid">{INERTIAL}<collision><geometry><box size="0.2 0.2 0.02"/></geometry></collision></link>'
     joint = '<joint name="l" type="fixed"><parent link="arm"/><child link="lid"/><origin xyz="0 0 0.05"/></joint>'
-    edit(urdf, "</robot>", f"{lid}{joint}</robot>")
+    edit(urdf, "</robot>", f"{LID}{joint}</robot>")
     code, out, err = export(robot, capsys)
-    assert code == 0 and out.endswith("would hide skin are switched off: arm, hand\n")
+    assert (code, err) == (0, []) and out.endswith("would hide skin are switched off: arm, hand, lid\n")
+    right, pressed = touched(robot / "skin.xml", robot / "out", urdf, 16)
+    assert right == pressed
+
+
+def test_skin_below_a_moving_lid_is_a_failure(robot, capsys):
+    """All of its taxels are dead: the sum, and what to do."""
+    joint = '<joint name="l" type="continuous"><parent link="arm"/><child link="lid"/><origin xyz="0 0 0.05"/></joint>'
+    edit(robot / "bot" / "bot.urdf", "</robot>", f"{LID}{joint}</robot>")
+    code, _, err = export(robot, capsys)
     words = "warning: 8 taxels of arm are below the collision shape of lid in the zero pose: no press is felt there"
-    assert err == [f"skin-calib: {words}"]
+    assert code == 1 and err[0] == f"skin-calib: {words}"
+    assert "8 of 8 taxels of arm feel no press: they are below collision shapes of lid. Remove these" in err[1]
+
+
+def test_free_base_and_actuators(robot, capsys):
+    """The robot falls; each joint has a motor with its name and its effort."""
+    assert export(robot, capsys, "--free-base", "--actuators")[::2] == (0, [])
     model = mujoco.MjModel.from_xml_path(str(robot / "skin.xml"))
-    assert model.geom_contype[model.body("lid").geomadr[0]] == 1
+    assert [model.actuator(k).name for k in range(model.nu)] == ["a", "b"] and model.nv == 8
+    np.testing.assert_array_equal(model.actuator("a").ctrlrange, (-1, 1))
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 50)
+    assert data.qpos[2] < -0.01
+    calibration = next((robot / "out").glob("*.calibration.json"))
+    assert main(["export", str(calibration), "--to", "mjcf", "-o", str(robot / "x.xml"), "--free-base"]) != 0
+    assert "are for a robot" in capsys.readouterr().err
 
 
 FLOATING = '<joint name="f" type="floating"><parent link="{0}"/><child link="{1}"/><origin xyz="0 0 1"/></joint>'
@@ -355,13 +379,24 @@ def test_thin_parts_keep_their_inertia(robot, capsys, seed, above):
     np.testing.assert_allclose(np.sort(model.body("hand").inertia), principal, rtol=1e-4)
 
 
-def test_impossible_inertia_is_stated(robot, capsys):
-    """The model loads with an inertia that a rigid body can have, and a line names the link."""
-    of_hand(robot, np.diag((1e-3, 1e-3, 5e-3)))
+@pytest.mark.parametrize(
+    ("stated", "nearest", "said"),
+    [
+        ((1e-3, 1e-3, 5e-3), (2.5e-3, 2.5e-3, 5e-3), True),  # as a flat disc
+        ((-3e-9, 1e-3, 1e-3), (0, 1e-3, 1e-3), True),  # a thin rod
+        ((1e-3, 1e-3, 2.0001e-3), (1e-3, 1e-3, 2e-3), False),  # a flat part, by rounding
+        ((-1e-3, 2e-3, 2e-3), (0, 2.5e-3, 2.5e-3), True),
+    ],
+)
+def test_impossible_inertia_becomes_the_nearest_possible(robot, capsys, stated, nearest, said):
+    """By its second moments, which are not negative; a line names the link, except for the rounding of a flat part."""
+    of_hand(robot, np.diag(stated))
     code, out, err = export(robot, capsys)
     inertia = np.sort(mujoco.MjModel.from_xml_path(str(robot / "skin.xml")).body("hand").inertia)
     assert code == 0 and err == [] and inertia[2] <= inertia[:2].sum()
-    assert out.splitlines()[-1] == "no rigid body has the inertia that the URDF states; MuJoCo changed it: hand"
+    np.testing.assert_allclose(inertia, nearest, rtol=1e-3, atol=1e-6)
+    words = "no rigid body has the inertia that the URDF states; the model has the nearest possible: hand\n"
+    assert out.endswith(words) == said
 
 
 NO_MASS = "the URDF does not state the mass and inertia of moving links, or of links that are fixed to them; MuJoCo"
