@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from ..common.atomic_file import make_folder
-from ..common.errors import InvalidMesh, OutputError, SkinCalibError, UnknownLink, counted
+from ..common.errors import InvalidMesh, InvalidPlan, OutputError, SkinCalibError, UnknownLink, counted, listed
 from ..common.findings import did_you_mean, show
 from ..geometry.mesh.triangle_mesh import METRES_PER_UNIT
 from ..plan import load_plan, named_from, save_plan
@@ -17,6 +17,7 @@ from ..proposal.links import (
     Fitted,
     Outcome,
     Task,
+    areas,
     groups,
     numbered,
     plan_path,
@@ -27,7 +28,7 @@ from ..proposal.links import (
 )
 from ..proposal.proposal import Proposal
 from ..proposal.skins import DEFAULT_SKIN, FORMS, SkinChoice, parse_skin
-from ..robot.link_mesh import axis_warning, is_urdf, links_with_mesh
+from ..robot.link_mesh import axis_warning, is_urdf, links_with_mesh, links_without_files
 from ..robot.urdf import read_robot
 from .common import DONE, WRONG_DATA, complain, count, named_path, say
 from .progress import Progress
@@ -98,12 +99,13 @@ def propose(
     links = _links(options)
     fit = fit and len(links) > 1  # the summary of a single fit needs more than its calibration
     tasks = [Task(options.file, options.unit or "m", link, choice, fit=fit) for link in links]
+    _warn_first(options.file, links)
     make_folder(folder)
     kept = {task.link for task in tasks if not again and os.path.lexists(plan_path(folder, task.link))}
     done: dict[str, Outcome] = {}
     try:
         for finished in _outcomes([task for task in tasks if task.link not in kept], options.jobs):
-            done[finished.task.link] = finished
+            done[finished.task.link] = _written(finished, folder)
     finally:  # also after Ctrl+C: the next call continues
         found = [p for task in tasks if task.link in done and (p := done[task.link].proposal)]
         former, ends = _save(found, folder)
@@ -123,11 +125,31 @@ def propose(
     width = max(len(link) for link, _ in lines)
     total = f"{counted(len(tasks), 'link')}, {counted(len(plans), 'plan')}{_areas(found, bool(kept))}"
     say("\n".join((*(f"{link:{width}}  {words}" for link, words in lines), total)))
-    robot = read_robot(options.file) if is_urdf(options.file) else None
-    if warning := axis_warning(options.file, robot, links):
-        complain(f"warning: {warning}")
     failed = any(finished.proposal is None for finished in done.values())
     return plans, WRONG_DATA if failed else DONE
+
+
+def _warn_first(file: Path, links: Sequence[str]) -> None:
+    """Complain, before anything is computed, of what makes the result useless."""
+    robot = read_robot(file) if is_urdf(file) else None
+    if warning := axis_warning(file, robot, links):
+        complain(f"warning: {warning}")
+    lost = [] if robot is None else links_without_files(robot, file)
+    if lost:
+        complain(
+            f"warning: {counted(len(lost), 'link')} of {file.name} {'has' if len(lost) == 1 else 'have'} mesh files "
+            f"that were not found: {listed(lost)}. Such a link gets no plan, and covers no other."
+        )
+
+
+def _written(outcome: Outcome, folder: Path) -> Outcome:
+    """Write the plan of a link that is finished, without its channels; one that no plan may have has failed."""
+    if outcome.proposal and outcome.proposal.plan:
+        try:
+            save_plan(named_from(outcome.proposal.plan, folder), plan_path(folder, outcome.task.link))
+        except InvalidPlan as problem:
+            return Outcome(outcome.task, None, str(problem))
+    return outcome
 
 
 def _kept(path: Path, end: int | None) -> list[str]:
@@ -256,14 +278,16 @@ def _is_named(link: str, pattern: str) -> bool:
 
 
 def _outcomes(tasks: Sequence[Task], processes: int) -> Iterator[Outcome]:
-    progress = Progress(max(len(tasks), 1))
+    sizes = areas(tasks)
+    progress = Progress(max(len(tasks), 1), sum(sizes))
+    size = dict(zip((task.link for task in tasks), sizes))
     if processes == 1 or len(tasks) <= 1:
         results: Iterator[list[Outcome]] = ([propose_task(task)] for task in tasks)
     else:
         results = run_tasks(propose_group, _grouped(tasks), min(processes, len(tasks)), _lost)
     for outcomes in results:
         for outcome in outcomes:
-            progress.step()
+            progress.step(size[outcome.task.link])
             progress.show()
             yield outcome
     progress.clear()

@@ -58,11 +58,14 @@ def save_plan(plan: Plan, path: str | Path) -> None:
     Raises
     ------
     InvalidPlan
-        If two skins have a channel in common, or one ends beyond the highest channel.
+        If two skins have a channel in common, or one ends beyond the highest channel, or the file could not be read.
     OutputError
         If the file cannot be written.
     """
-    write_bytes_safely(path, (json.dumps(plan_document(plan), indent=2, ensure_ascii=False) + "\n").encode())
+    document = plan_document(plan)
+    for finding in check_plan(document):
+        raise InvalidPlan(f"no plan may have what {Path(path).name} would have: {finding}")
+    write_bytes_safely(path, (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
 
 
 def check_plan(document: Any) -> tuple[Finding, ...]:

@@ -259,6 +259,7 @@ MARGIN = Key(
     first=0.002,
     switch=Switch("auto_margin", "Automatic Margin"),
 )
+MAX_LOOPS, MAX_CORNERS = 100, 1000  # Format: of a boundary, and of each of its loops
 BOUNDARY = Key(
     "boundary",
     Type(
@@ -266,8 +267,8 @@ BOUNDARY = Key(
         "list of loops of points [m]",
         {
             "type": "array",
-            "items": {"type": "array", "items": dict(POINT.schema), "minItems": 3, "maxItems": 1000},
-            "maxItems": 100,
+            "items": {"type": "array", "items": dict(POINT.schema), "minItems": 3, "maxItems": MAX_CORNERS},
+            "maxItems": MAX_LOOPS,
         },
     ),
     "Corners of closed loops on the mesh, inside which surface and skins stay; a loop in another is a hole. They "

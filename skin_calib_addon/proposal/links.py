@@ -171,6 +171,11 @@ def groups(tasks: Sequence[Task]) -> list[list[Task]]:
     return sorted(found.values(), key=lambda group: sum(map(_area, group)), reverse=True)
 
 
+def areas(tasks: Sequence[Task]) -> list[float]:
+    """Return the areas of the links [m^2], which are about proportional to the time that they take."""
+    return [_area(task) for task in tasks]
+
+
 def _area(task: Task) -> float:
     mesh = robot_of(task.file).keep_out.meshes.get(task.link) if is_urdf(task.file) else None
     return float(mesh.face_areas.sum()) if mesh else 0.0

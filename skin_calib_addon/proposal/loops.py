@@ -3,21 +3,33 @@
 import numpy as np
 
 from ..common.arrays import Array, BoolArray
+from ..plan.keys import MAX_CORNERS, MAX_LOOPS
 from .candidates import DECIMALS
+
+# [m^2] least area of a loop: a cell of 8 mm. Larger: holes that a skin must leave free are missing; smaller: vents and
+# lettering make boundaries that nobody can edit.
+MIN_LOOP_AREA = 64e-6
 
 Corner = tuple[int, int]
 Loops = tuple[tuple[tuple[float, float, float], ...], ...]
 
 
 def loops_around(mask: BoolArray, points: Array, closed: bool, tolerance: float) -> Loops:
-    """Return closed loops of points [m] halfway between the sites inside a mask (k, l) and those outside."""
-    found = []
+    """Return closed loops of points [m] halfway between the sites inside a mask (k, l) and those outside.
+
+    Loops smaller than a cell are left out, and the smallest of more than a plan can have.
+    """
+    found: list[tuple[float, Array]] = []
     for chain in chains(mask, closed):
-        corners = np.array([corner(points, at, closed) for at in chain])
-        kept = simplified(corners, tolerance)
-        if len(kept) >= 3:
-            found.append(tuple((x, y, z) for x, y, z in np.round(kept, DECIMALS).tolist()))
-    return tuple(found)
+        corners, near = np.array([corner(points, at, closed) for at in chain]), tolerance
+        while len(kept := simplified(corners, near)) > MAX_CORNERS:
+            near *= 2
+        area = np.linalg.norm(np.cross(kept - kept[0], np.roll(kept, -1, axis=0) - kept[0]).sum(axis=0)) / 2
+        if len(kept) >= 3 and area >= MIN_LOOP_AREA:
+            found.append((float(area), np.round(kept, DECIMALS)))
+    least = sorted((area for area, _ in found), reverse=True)[:MAX_LOOPS]
+    largest = [loop for area, loop in found if area >= least[-1]][:MAX_LOOPS]
+    return tuple(tuple((x, y, z) for x, y, z in loop.tolist()) for loop in largest)
 
 
 def chains(mask: BoolArray, closed: bool) -> list[list[Corner]]:

@@ -38,6 +38,10 @@ MAX_TRAVEL = 1e3
 # [1] poses of the robot, spread over the ranges of its joints, in one of which a place must be in the open. More: what
 # is open in rare postures only counts as free, and it takes longer.
 POSES = 9
+# [m] travel of a prismatic joint in these poses. Larger: what is far away has coarse buffers.
+MAX_VIEW_TRAVEL = 1.0
+# [pixels] width of the buffers, about. Larger: large robots are more exact, and take more memory (60 buffers for each pose).
+MAX_VIEW_WIDTH = 500
 # [pixels of the buffers] height from which on a link hides a part of itself in a pose. Smaller: what it hides counts
 # twice, and coarsely.
 OWN_HEIGHT = 2.0
@@ -117,10 +121,12 @@ class KeepOut:
 def spread_poses(robot: Robot, count: int) -> Iterator[dict[str, Array]]:
     """Yield the poses of all links: as near to zero as the ranges of the joints allow, then random, always the same."""
     turns = {j.name: t for j in robot.joints.values() if j.type in ONE_AXIS and not j.mimic and (t := _turn(j, 1))}
+    farthest = {name: MAX_VIEW_TRAVEL if turn.slides else np.inf for name, turn in turns.items()}
+    ranges = {k: np.clip((turn.low, turn.high), -farthest[k], farthest[k]).tolist() for k, turn in turns.items()}
     rng = np.random.default_rng(0)
-    yield link_poses(robot, {name: float(np.clip(0, turn.low, turn.high)) for name, turn in turns.items()})
+    yield link_poses(robot, {name: float(np.clip(0, *ends)) for name, ends in ranges.items()})
     for _ in range(count - 1):
-        yield link_poses(robot, {name: rng.uniform(turn.low, turn.high) for name, turn in turns.items()})
+        yield link_poses(robot, {name: rng.uniform(*ends) for name, ends in ranges.items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +141,9 @@ class _View:
     def of(cls, points: Sequence[tuple[str, Array]], poses: Mapping[str, Array], distance: float) -> "_View":
         """Fill the buffers with the points (k, 3) of all links in their frames [m]."""
         moved = [p @ poses[link][:3, :3].T + poses[link][:3, 3] for link, p in points]
-        links = np.repeat([link for link, _ in points], [len(p) for p in moved])
-        return cls(poses, DepthBuffers.of(np.concatenate(moved), distance), links)
+        links, every = np.repeat([link for link, _ in points], [len(p) for p in moved]), np.concatenate(moved)
+        widest = float(np.linalg.norm(np.ptp(every, axis=0)))
+        return cls(poses, DepthBuffers.of(every, max(distance, widest / MAX_VIEW_WIDTH)), links)
 
     def openness(self, link: str, points: Array, normals: Array) -> Array:
         """Return how open the space above points (k, 3) of a link is, shape (k,): 0 is hidden, 1 is free."""

@@ -99,6 +99,19 @@ def plan_mesh_files(plan: Plan) -> tuple[Path, ...]:
     return plan.mesh, *dict.fromkeys(find_file(mesh.address, plan.mesh) for mesh in meshes)
 
 
+def links_without_files(robot: Robot, urdf: Path) -> list[str]:
+    """Return the links with a visual mesh whose file is not found."""
+    found = []
+    for link, meshes in robot.links.items():
+        try:
+            for mesh in meshes:
+                if mesh.use == "visual":
+                    find_file(mesh.address, urdf)
+        except InvalidMesh:
+            found.append(link)
+    return found
+
+
 def axis_warning(file: Path, robot: Robot | None = None, links: Iterable[str] = (), use: str = "visual") -> str:
     """Return a warning if DAE files state another upward axis than z, which only some programs turn."""
     ending = "It is ignored, as in RViz. If the picture is turned by 90 degrees, turn the meshes."

@@ -156,14 +156,19 @@ BROKEN_LINKS = {
 
 @pytest.mark.parametrize("case", [case if case == "missing" else slow(case) for case in BROKEN_LINKS])
 def test_plans_of_the_other_links_are_proposed(tmp_path, capsys, case):
-    """One line about the broken link, a plan for each other, and code 1."""
+    """A line about the broken link, before the others if its file is missing; a plan for each other, and code 1."""
     visual, words = BROKEN_LINKS[case]
     (tmp_path / "damaged.dae").write_text("<COLLADA>")
     (tmp_path / "empty.off").touch()
     urdf = plates(tmp_path, ("base", "middle", "end"), link1=visual)
     assert propose(urdf) == 1
     out, err = capsys.readouterr()
-    assert len(err.splitlines()) == 1 and err.startswith("skin-calib: middle: ") and words in err
+    *first, last = err.splitlines()
+    assert last.startswith("skin-calib: middle: ") and words in last
+    lost = (
+        "skin-calib: warning: 1 link of bot.urdf has mesh files that were not found: middle. Such a link gets no plan"
+    )
+    assert len(first) == ("was not found" in last) and all(line.startswith(lost) for line in first)
     assert "middle  failed" in out and "3 links, 2 plans" in out
     assert sorted(path.name for path in (tmp_path / "plans").iterdir()) == ["base.plan.json", "end.plan.json"]
 

@@ -307,7 +307,7 @@ def test_progress_is_for_a_terminal(fitted, capsys, monkeypatch):
     write_plan(fitted / "plans", "leg", link="leg", mesh="none.ply")
     fit(fitted)
     shown = capsys.readouterr().err.split("\r\x1b[K")
-    assert [part.split()[-1] for part in shown if part.startswith("[")] == ["0/3", "1/3", "2/3", "3/3"]
+    assert [part.split()[1].rstrip(",") for part in shown if part.startswith("[")] == ["0/3", "1/3", "2/3", "3/3"]
     assert shown[1] == f"[{'.' * 30}] 0/3" and shown[-2] == f"[{'#' * 30}] 3/3" and shown[-1] == ""
     assert shown[4].startswith("skin-calib: leg: There is no mesh file") and shown[4].endswith("\n")
 

@@ -381,6 +381,17 @@ def test_corners_on_a_line_are_left_out():
     assert loops_around(np.zeros((3, 3), bool), np.zeros((3, 3, 3)), False, 1e-3) == ()
 
 
+@pytest.mark.parametrize(("height", "count"), [(6, 1), (9, 100)])
+def test_loops_are_those_that_a_plan_can_have(height, count):
+    """150 vents of 9 mm in a plate: what is smaller than a cell is left out, and what is more than a plan can have."""
+    mask = np.ones((150, 200), bool)
+    for i, j in np.ndindex(10, 15):
+        mask[2 + 14 * i : 2 + 14 * i + height, 2 + 13 * j : 11 + 13 * j] = False
+    points = 1e-3 * np.stack(np.meshgrid(np.arange(150), np.arange(200), [0], indexing="ij"), axis=-1)[:, :, 0]
+    loops = loops_around(mask, points, False, 1e-3)
+    assert len(loops) == count and max(np.ptp(loop, axis=0).max() for loop in loops) > 0.19  # with the outer one
+
+
 URDF = """<robot name="arm">
   <link name="upper"><visual><geometry><mesh filename="upper.ply"/></geometry></visual></link>
   <link name="lower"><visual><geometry><mesh filename="upper.ply"/></geometry></visual></link>

@@ -257,3 +257,10 @@ def test_what_is_many_joints_away_covers_in_the_zero_pose():
     found = KeepOut(arms, meshes).coverers("0", points, normals)
     inside = (np.abs(points) < (0.03, 0.02, 1)).all(axis=1)
     assert (found[inside] == "6").all() and (found[np.abs(points[:, 1]) > 0.03] == "").all()
+
+
+def test_far_travel_takes_no_memory():
+    """Some files write 1e16 m for "no limit"."""
+    slides = robot(Joint("j", "prismatic", "base", "cart", limits=(-1e16, 1e16)))
+    keep_out = KeepOut(slides, {"base": BASE, "cart": box((-0.03, -0.02, 0), (0.03, 0.02, 0.005))})
+    assert max(view.buffers.width for view in keep_out.views) < 1000
