@@ -19,6 +19,7 @@ from ..proposal.links import (
     Task,
     areas,
     groups,
+    is_current,
     numbered,
     plan_path,
     plan_warnings,
@@ -45,7 +46,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("file", type=named_path, metavar="FILE", help="URDF of the robot, or a mesh")
     parser.add_argument("-o", "--output", required=True, type=named_path, metavar="FOLDER", help="folder for the plans")
-    parser.add_argument("--again", action="store_true", help="also replace plans that exist")
+    parser.add_argument("--again", action="store_true", help="replace plans whose robot, mesh or skin has changed")
     add_options(parser)
 
 
@@ -101,7 +102,9 @@ def propose(
     tasks = [Task(options.file, options.unit or "m", link, choice, fit=fit) for link in links]
     _warn_first(options.file, links)
     make_folder(folder)
-    kept = {task.link for task in tasks if not again and os.path.lexists(plan_path(folder, task.link))}
+    paths = {task.link: plan_path(folder, task.link) for task in tasks}
+    there = [task for task in tasks if os.path.lexists(paths[task.link])]
+    kept = {task.link for task in there if not again or is_current(paths[task.link], task)}
     done: dict[str, Outcome] = {}
     try:
         for finished in _outcomes([task for task in tasks if task.link not in kept], options.jobs):
@@ -115,7 +118,7 @@ def propose(
         path = plan_path(folder, link)
         outcome = done.get(link)
         if outcome is None:
-            plans[path], words = None, _kept(path, ends[path])
+            plans[path], words = None, _kept(path, ends[path], again)
         else:
             if outcome.proposal and outcome.proposal.plan:
                 plans[path] = outcome.fitted
@@ -152,11 +155,12 @@ def _written(outcome: Outcome, folder: Path) -> Outcome:
     return outcome
 
 
-def _kept(path: Path, end: int | None) -> list[str]:
+def _kept(path: Path, end: int | None, again: bool) -> list[str]:
     """Return the lines about a plan that exists, and the channel after its own; None if it is not known."""
+    why = "what it was made from has not changed" if again else "its plan exists; --again replaces it if it is outdated"
     words = "" if end is not None else ". Its channels are not known before the fit"
     warnings = [f"warning: {reason}" for reason in plan_warnings(path)]
-    return [f"kept: its plan exists; --again replaces it{words}", *warnings]
+    return [f"kept: {why}{words}", *warnings]
 
 
 def _proposed(outcome: Outcome, former: Sequence[str]) -> list[str]:

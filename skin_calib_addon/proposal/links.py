@@ -23,6 +23,7 @@ from ..robot.mirrored import Twin, find_twins
 from ..robot.urdf import Robot, read_robot
 from ..skin.boards.layout import forget_layouts
 from .one_skin import LinkSurfaces
+from .origin import PROPOSAL_FROM, changes, made_from
 from .proposal import Proposal, joint_axes, link_surfaces, propose_link, propose_twin
 from .skins import SkinChoice
 
@@ -108,7 +109,8 @@ def _proposal(task: Task, begin: Callable[[str], None]) -> Proposal:
         found = propose_link(task.link, mesh, task.file.absolute(), task.unit, task.choice, begin=begin)
     if found.plan is None:
         return found
-    return replace(found, plan=replace(found.plan, extra=found.plan.extra | {PROPOSAL_MESH: mesh.sha256}))
+    record = {PROPOSAL_MESH: mesh.sha256, PROPOSAL_FROM: made_from(task.file, task.link, task.choice)}
+    return replace(found, plan=replace(found.plan, extra=found.plan.extra | record))
 
 
 def _of_robot(task: Task, begin: Callable[[str], None]) -> Proposal:
@@ -243,7 +245,7 @@ def _not_covering(whole: WholeRobot, link: str) -> tuple[str, ...]:
 def plan_warnings(path: Path) -> list[str]:
     """Return the warnings about a proposed plan that exists, as sentences.
 
-    They are about links that can cover its skin and whose mesh was not read, and about its own mesh if it has changed.
+    They are about links that can cover its skin and whose mesh was not read, and about what has changed since.
     """
     try:
         plan = load_plan(path)
@@ -252,9 +254,21 @@ def plan_warnings(path: Path) -> list[str]:
         found = [reason for reason in reasons if isinstance(reason, str) and f" {NOT_KNOWN}: " in reason]
         if PROPOSAL_MESH in plan.extra and not plan.is_for(load_plan_mesh(plan)):
             found.append(f"{OUTDATED_PROPOSAL.message} {OUTDATED_PROPOSAL.advice}")
+        if PROPOSAL_FROM in plan.extra:
+            now = made_from(plan.mesh, plan.link, None)
+            found += (f"{sentence} {OUTDATED_PROPOSAL.advice}" for sentence in changes(plan, now))
         return found
     except SkinCalibError:
         return []  # ``fit`` says what is wrong with the plan
+
+
+def is_current(path: Path, task: Task) -> bool:
+    """Return whether the plan in a file was proposed for a task, and nothing that it was made from has changed."""
+    try:
+        plan = load_plan(path)
+        return bool(plan.extra.get(PROPOSAL_FROM) == made_from(task.file, task.link, task.choice))
+    except SkinCalibError:
+        return False
 
 
 def own_proposal(task: Task, begin: Callable[[str], None]) -> Proposal:

@@ -40,7 +40,8 @@ MAX_TRAVEL = 1e3
 POSES = 9
 # [m] travel of a prismatic joint in these poses. Larger: what is far away has coarse buffers.
 MAX_VIEW_TRAVEL = 1.0
-# [pixels] width of the buffers, about. Larger: large robots are more exact, and take more memory (60 buffers for each pose).
+# [pixels] width of the buffers, about. Larger: large robots are more exact, and take more memory (60 buffers for each
+# pose).
 MAX_VIEW_WIDTH = 500
 # [pixels of the buffers] height from which on a link hides a part of itself in a pose. Smaller: what it hides counts
 # twice, and coarsely.

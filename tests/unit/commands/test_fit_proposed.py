@@ -175,3 +175,43 @@ def test_dae_file_with_another_axis_has_a_warning(tmp_path, capsys, up, is_named
     for file, words in (("robot.urdf", "The DAE files of 1 link of robot.urdf state"), ("a.dae", "a.dae states")):
         main(["propose", str(tmp_path / file), "-o", str(tmp_path / "plans")])
         assert (f"warning: {words} an <up_axis> that is not Z_UP" in capsys.readouterr().err) == is_named
+
+
+HINGE = (
+    '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><origin xyz="1 0 0"/>'
+    '<limit lower="{3}" upper="1"/></joint>'
+)
+
+
+def chain(urdf: Path, lower: float) -> None:
+    """Write a robot of plates: three follows two after three joints; the range of the first joint is given."""
+    plates = [
+        f'<link name="{k}"><visual><geometry><mesh filename="{k}.ply"/></geometry></visual></link>' for k in LINKS
+    ]
+    plates += ['<link name="a"/><link name="b"/>', plates[0].replace('name="one"', 'name="three"')]
+    joints = [("j", "one", "two", lower), ("k", "two", "a", 0), ("l", "a", "b", 0), ("m", "b", "three", 0)]
+    urdf.write_text(f'<robot name="r">{"".join(plates)}{"".join(HINGE.format(*joint) for joint in joints)}</robot>')
+    robot_of.cache_clear()
+
+
+def test_stale_plans_are_named_and_alone_proposed_again(urdf, capsys):
+    """After another range of a joint, another mesh next to a link, and for another skin."""
+    chain(urdf, 0)
+    call = ["propose", str(urdf), "-o", str(urdf.parent / "out"), "--skin"]
+    assert main([*call, SKIN]) == 0
+    chain(urdf, -0.5)
+    capsys.readouterr()
+    assert main(["check", str(urdf.parent / "out")]) == 0
+    out = capsys.readouterr().out
+    assert out.count("The joint j has changed since the plan was proposed: other places are free. Propose") == 2
+    assert main([*call, SKIN]) == 0 and capsys.readouterr().out.count("warning: The joint j has changed") == 2
+    assert main([*call, SKIN, "--again"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines if "kept: what it was made from has not changed" in line] == ["three"]
+    assert main(["check", str(urdf.parent / "out")]) == 0 and "has changed" not in capsys.readouterr().out
+    save_mesh(plate(0.09), urdf.parent / "two.ply")
+    robot_of.cache_clear()
+    assert main(["check", str(urdf.parent / "out")]) == 0
+    out = capsys.readouterr().out
+    assert "The mesh of the link two has changed since" in out and "The mesh has changed since" in out
+    assert main([*call, "sheet:2x3x10mm", "--again"]) == 0 and "kept" not in capsys.readouterr().out

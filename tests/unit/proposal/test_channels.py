@@ -116,7 +116,10 @@ def test_plan_with_an_unknown_number_of_boards_is_named(propose_links, capsys):
     path.write_text(json.dumps(document))
     assert following_channel(load_plan(path).skins) is None
     propose_links()
-    assert "one    kept: its plan exists; --again replaces it. Its channels are not known" in capsys.readouterr().out
+    assert (
+        "one    kept: its plan exists; --again replaces it if it is outdated. Its channels are"
+        in capsys.readouterr().out
+    )
 
 
 def test_following_channel_is_after_the_last_one():

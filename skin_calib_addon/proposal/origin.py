@@ -1,0 +1,67 @@
+"""What a proposal was made from, in its plan, to name later what has changed."""
+
+import contextlib
+import hashlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from ..common.errors import SkinCalibError, listed
+from ..common.file_hash import file_hash
+from ..plan.plan import Plan
+from ..robot.keep_out import paths_from
+from ..robot.link_mesh import find_file, is_urdf
+from ..robot.urdf import Robot, read_robot
+from .skins import SkinChoice
+
+PROPOSAL_FROM = "x_proposal_from"  # Format: member of a proposed plan
+DIGITS = 16  # of a checksum. Larger: longer plans.
+
+
+def made_from(file: Path, link: str, choice: SkinChoice | None) -> dict[str, Any]:
+    """Return what a proposal depends on: checksums of joints, and of the meshes of links, by name; the skin.
+
+    They are those of the link, and of the links that cover it somewhere in the ranges of the joints.
+    """
+    skin = {} if choice is None else {"skin": choice.text, "skin_checksum": _checksum(repr(choice.template))}
+    if not is_urdf(file):
+        return {**skin, "joints": {}, "links": {link: (file_hash(file) or "")[:DIGITS]}}
+    robot = read_robot(file)
+    paths = list(paths_from(robot, link))
+    joints = sorted({joint for _, path in paths for joint, _ in path}, key=lambda joint: joint.name)
+    links = sorted({link, *(other for other, _ in paths)})
+    return {
+        **skin,
+        "joints": {joint.name: _checksum(repr(joint)) for joint in joints},
+        "links": {other: _checksum(_shapes(robot, other, file)) for other in links if robot.links.get(other)},
+    }
+
+
+def _shapes(robot: Robot, link: str, file: Path) -> str:
+    """Return the visual meshes and shapes of a link with the hashes of their files, as a text."""
+    meshes, hashes = [mesh for mesh in robot.links[link] if mesh.use == "visual"], []
+    for mesh in meshes:
+        with contextlib.suppress(SkinCalibError):  # a missing file has no hash
+            hashes.append(file_hash(find_file(mesh.address, file)))
+    return repr((meshes, hashes, robot.shapes.get(link, ())))
+
+
+def _checksum(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
+
+
+def changes(plan: Plan, now: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what has changed since a plan was proposed, as sentences; nothing for a plan without this record."""
+    former = plan.extra.get(PROPOSAL_FROM)
+    if not isinstance(former, dict):
+        return
+    for name, words in (("joints", "joint"), ("links", "mesh of the link")):
+        old, new = former.get(name), now[name]
+        old = old if isinstance(old, dict) else {}
+        changed = sorted(key for key in {*old, *new} if old.get(key) != new.get(key) and key != plan.link)
+        if changed:
+            plural = words.replace("mesh", "meshes") + "s" if len(changed) > 1 else words
+            verb = "have" if len(changed) > 1 else "has"
+            yield f"The {plural} {listed(changed)} {verb} changed since the plan was proposed: other places are free."
+    if "skin" in now and any(former.get(name) != now[name] for name in ("skin", "skin_checksum")):
+        yield f"The plan was proposed for the skin {former.get('skin')}."
