@@ -29,6 +29,7 @@ from ..proposal.links import (
 )
 from ..proposal.proposal import Proposal
 from ..proposal.skins import DEFAULT_SKIN, FORMS, SkinChoice, parse_skin
+from ..robot.from_mjcf import as_urdf
 from ..robot.link_mesh import axis_warning, is_urdf, links_with_mesh, links_without_files
 from ..robot.urdf import read_robot
 from .common import DONE, WRONG_DATA, complain, count, named_path, say
@@ -44,7 +45,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "A plan has the surfaces that cover what can be seen from outside and what no other link covers, "
         "and skins on them. Each plan states the reasons for its choices, under x_proposal."
     )
-    parser.add_argument("file", type=named_path, metavar="FILE", help="URDF of the robot, or a mesh")
+    parser.add_argument("file", type=named_path, metavar="FILE", help="robot (URDF or MJCF), or a mesh")
     parser.add_argument("-o", "--output", required=True, type=named_path, metavar="FOLDER", help="folder for the plans")
     parser.add_argument("--again", action="store_true", help="replace plans whose robot, mesh or skin has changed")
     add_options(parser)
@@ -97,6 +98,9 @@ def propose(
     choice = options.skin or parse_skin(DEFAULT_SKIN)
     if os.path.lexists(folder) and not os.path.isdir(folder):
         raise OutputError(f"{folder} is not a folder. Choose another name.")
+    given, options.file = options.file, as_urdf(options.file, folder)
+    if options.file != given:
+        say(f"{given.name} is read as {options.file}")
     links = _links(options)
     fit = fit and len(links) > 1  # the summary of a single fit needs more than its calibration
     tasks = [Task(options.file, options.unit or "m", link, choice, fit=fit) for link in links]
