@@ -49,16 +49,22 @@ def with_cells(skin: BoardSkin, taxels: TaxelArray, kept: BoolArray) -> BoardSki
     return replace(skin, choice=tuple((int(q), int(r)) for q, r in taxels.index[kept]))
 
 
+def open_cells(mesh: TriangleMesh, on: LinkPoints, taxels: Sequence[TaxelArray]) -> BoolArray:
+    """Return which cells of all skins of a link are seen and free; one may be ``MAX_DISTANCE`` below the mesh."""
+    positions, normals = (np.concatenate([getattr(t, n) for t in taxels]) for n in ("positions_link", "normals_link"))
+    seen: BoolArray = are_seen(mesh, positions + MAX_DISTANCE * normals, normals)
+    return seen & on.free[on.nearest(positions, normals)]
+
+
 def usable(
     mesh: TriangleMesh, on: LinkPoints, skins: Sequence[BoardSkin], taxels: Sequence[TaxelArray]
 ) -> list[BoolArray]:
     """Return which boards of a link can be used, for each skin: seen, free, and without overlaps."""
-    # A board may be below the mesh by the largest distance.
     positions, normals, tangents = (
         np.concatenate([getattr(t, name) for t in taxels])
         for name in ("positions_link", "normals_link", "tangents_link")
     )
-    kept = are_seen(mesh, positions + MAX_DISTANCE * normals, normals) & on.free[on.nearest(positions, normals)]
+    kept = open_cells(mesh, on, taxels)
     rows = np.flatnonzero(kept)
     pairs, _, _ = overlapping(
         positions[rows], normals[rows], tangents[rows], skins[0].lattice, max(abs(skin.offset) for skin in skins)

@@ -271,7 +271,8 @@ def _without_conflicts(
     """Yield the surfaces with their skins, without cells that conflict, which taxels remain, and the areas of all."""
     boards = [(skin, taxels) for _, skin, taxels in placed if isinstance(skin, BoardSkin)]
     of_boards = iter(usable(mesh, on, *zip(*boards)) if boards else ())
-    of_sheets = iter(apart([(skin, taxels) for _, skin, taxels in placed if isinstance(skin, SheetSkin)]))
+    sheets = [(skin, taxels) for _, skin, taxels in placed if isinstance(skin, SheetSkin)]
+    of_sheets = iter(apart(mesh, on, sheets) if sheets else ())
     for proposed, skin, taxels in placed:
         if isinstance(skin, BoardSkin):
             kept = next(of_boards)

@@ -15,6 +15,7 @@ from ..common.errors import InvalidPlan, SkinCalibError
 from ..common.strict_json import parse, read
 from ..common.text import real
 from ..geometry.fit.surface_fit import SurfaceFit
+from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline.place_skins import place_skin, sheet_patch
 from ..plan.document import skins_from
 from ..plan.file import check_part
@@ -23,14 +24,14 @@ from ..skin.between import overlaps
 from ..skin.boards.overlap import largest_apart
 from ..skin.sheet.landmarks import Landmark
 from ..skin.single_taxels import SingleTaxel
-from .boards import boards_on
+from ..skin.warnings import STRAIN_LIMIT
+from .boards import boards_on, open_cells
 from .candidates import DECIMALS
+from .link_points import LinkPoints
 from .trial import site_steps
 
 FORMS = 'Write "hexagons:16.3mm" (length of a side), "sheet:6x22x10mm" (rows, columns, pitch), or the name of a file.'
 DEFAULT_SKIN = "hexagons:8mm"  # on eight real links these cover twice the area that boards of TUM cover
-# [1] ratio of the sizes of a sheet that are tried one after the other, until one lies without folds.
-SMALLER = 0.75
 
 
 @dataclass(frozen=True)
@@ -87,36 +88,40 @@ def skin_on(choice: SkinChoice, fit: SurfaceFit, surface: str) -> tuple[SheetSki
 
 
 def _sheet_on(template: SheetSkin, fit: SurfaceFit) -> tuple[SheetSkin, TaxelArray]:
-    """Return the largest sheet up to the wanted size, in the middle of a surface and along its longer side."""
+    """Return the sheet in the middle of a surface, along its longer side or across it; one that is too large fails."""
     uv, point, tangents = widest_place(fit)
     lengths = np.array([iso_length(fit, uv, axis) for axis in (0, 1)])
+    rows, columns = template.lattice.rows, template.lattice.columns
     pitch = template.lattice.pitch
-    # The rows run along u or v; the orientation with more cells is better.
-    sizes = []
-    for along in (0, 1):
-        rows = min(template.lattice.rows, int(lengths[1 - along] / pitch[0]))
-        columns = min(template.lattice.columns, int(lengths[along] / pitch[1]))
-        sizes.append((rows * columns, -along, rows, columns))
-    cells, along, rows, columns = max(sizes)
-    problem: SkinCalibError = InvalidPlan("The surface is smaller than a cell.")
-    while cells > 0:
-        lattice = replace(template.lattice, rows=rows, columns=columns)
+    sizes = [(int(lengths[1 - along] / pitch[0]), int(lengths[along] / pitch[1])) for along in (0, 1)]
+    most = max(sizes, key=lambda size: size[0] * size[1])
+    problem: SkinCalibError = InvalidPlan(
+        f"The sheet has {rows} x {columns} cells, and {most[0]} x {most[1]} fit. State a smaller one."
+        if min(most) > 0
+        else "The surface is smaller than a cell."
+    )
+    for along in np.argsort(lengths)[::-1].tolist():
+        if sizes[along][0] < rows or sizes[along][1] < columns:
+            continue
         mark = Landmark((rows // 2, columns // 2), point)
-        direction = tuple(np.round(tangents[-along], DECIMALS).tolist())
-        skin = replace(template, lattice=lattice, landmarks=(mark,), direction=direction)
+        direction = tuple(np.round(tangents[along], DECIMALS).tolist())
+        skin = replace(template, landmarks=(mark,), direction=direction)
         try:
             return skin, place_skin(skin, fit, 0).patch.taxels
         except SkinCalibError as error:
             problem = error
-        rows, columns = max(1, int(SMALLER * rows)), max(1, int(SMALLER * columns))
-        cells = rows * columns if cells > 1 else 0
     raise problem
 
 
-def apart(sheets: Sequence[tuple[SheetSkin, TaxelArray]]) -> list[BoolArray]:
-    """Return which cells of the sheets of a link remain so that ``fit`` finds no overlap, for each sheet."""
+def apart(mesh: TriangleMesh, on: LinkPoints, sheets: Sequence[tuple[SheetSkin, TaxelArray]]) -> list[BoolArray]:
+    """Return which cells of the sheets of a link can be used, for each sheet: seen, free, and without overlaps.
+
+    Cells that a flat sheet cannot take are left out, too: those with more strain than a warning allows.
+    """
     disabled = [{single.taxel for single in skin.taxels if not single.enabled} for skin, _ in sheets]
     kept = np.array([f"{i}.{j}" not in off for off, (_, t) in zip(disabled, sheets) for i, j in t.index], bool)
+    strain = np.concatenate([np.abs(t.quality["strain"][:, :2]).max(axis=1) for _, t in sheets])
+    kept &= open_cells(mesh, on, [t for _, t in sheets]) & (strain <= STRAIN_LIMIT)
     row = {id: k for k, id in enumerate(id for _, taxels in sheets for id in taxels.ids)}
     patches = [sheet_patch(skin, taxels) for skin, taxels in sheets]
     pairs = [(row[a], row[b]) for one, other in combinations(patches, 2) for a, b, _ in overlaps(one, other)]

@@ -81,16 +81,27 @@ def test_names_of_100_characters_are_names_of_files(length, is_kept):
     assert (path.name == length * "a" + ".plan.json") == is_kept
 
 
-def test_sheet_that_does_not_lie_is_tried_with_three_quarters(monkeypatch):
-    """Of its rows and columns, again and again, down to one cell; then the last problem is reported."""
+def test_sheet_has_the_size_that_its_author_states():
+    """Along either side of a plate of 100 x 80 mm; one that is too large is refused, with the size that fits."""
+    fit = fit_surface(plate(0.1, 0.08), AcrossGrid(6, 6, tuple(UP), (1, 0, 0)))
+    for size in ("4x6x10mm", "6x4x10mm"):
+        skin, taxels = skin_on(parse_skin(f"sheet:{size}"), fit, "top")
+        rows, columns = map(int, size.split("x")[:2])
+        assert (skin.lattice.rows, skin.lattice.columns, len(taxels.ids)) == (rows, columns, rows * columns)
+    with pytest.raises(InvalidPlan, match="The sheet has 9 x 9 cells, and [79] x [79] fit. State a smaller one."):
+        skin_on(parse_skin("sheet:9x9x10mm"), fit, "top")
+
+
+def test_sheet_that_does_not_lie_is_tried_across(monkeypatch):
+    """Along the longer side, then across it; then the last problem is reported."""
     tried = []
 
     def refuse(skin, fit, number):
-        tried.append((skin.lattice.rows, skin.lattice.columns))
+        tried.append(np.abs(skin.direction).round(1).tolist())
         raise InvalidPlan("folds")
 
     monkeypatch.setattr(skins, "place_skin", refuse)
     fit = fit_surface(plate(0.1, 0.08), AcrossGrid(6, 6, tuple(UP), (1, 0, 0)))
     with pytest.raises(InvalidPlan, match="folds"):
-        skin_on(parse_skin("sheet:4x8x5mm"), fit, "top")
-    assert [tuple(sorted(size)) for size in tried] == [(4, 8), (3, 6), (2, 4), (1, 3), (1, 2), (1, 1)]
+        skin_on(parse_skin("sheet:4x6x5mm"), fit, "top")
+    assert tried == [[1, 0, 0], [0, 1, 0]]

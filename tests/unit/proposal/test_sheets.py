@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from skin_calib_addon.plan.skins import SheetSkin
+from skin_calib_addon.proposal.link_points import LinkPoints
 from skin_calib_addon.proposal.proposal import _without_conflicts
 from skin_calib_addon.skin.between import overlaps
 from skin_calib_addon.skin.lattice import SheetLattice
 from skin_calib_addon.skin.single_taxels import SingleTaxel, chosen_taxels
 from tests.samples import small_calibration
+from tests.shapes import box, cylinder, subdivided, together, welded
 
 
 @pytest.mark.parametrize("off", [(), ("0.2", "1.2", "2.2")])
@@ -31,10 +33,25 @@ def test_sheets_of_a_proposal_do_not_overlap(off):
     skins = [SheetSkin(name, SheetLattice(3, 3, (0.01, 0.01)), None, (0, 1, 0)) for name in "ab"]
     skins[0] = replace(skins[0], taxels=tuple(SingleTaxel(name, enabled=False) for name in off))
     placed = [(SimpleNamespace(), skin, own) for skin, own in zip(skins, taxels)]
-    found = list(_without_conflicts(None, None, placed))
+    tube = welded(subdivided(cylinder(0.035, 0.2)))
+    found = list(_without_conflicts(tube, LinkPoints.of(tube), placed))
     patches = [replace(one, taxels=chosen_taxels(own, kept)) for own, (_, _, kept, _) in zip(taxels, found)]
     assert overlaps(*patches) == []
     assert sum(kept.sum() for _, _, kept, _ in found) == 15
     assert not off or found[1][2].all()
     for _, skin, kept, _ in found:
         assert sum(not single.enabled for single in skin.taxels) == (~kept).sum()
+
+
+def test_cells_below_other_faces_or_with_much_strain_are_left_out():
+    """A box around one column, another link over the next but one, and a strain of 6 % in the last row."""
+    patch = small_calibration(rows=3).patches[0]
+    strain = np.where(patch.taxels.index[:, :1] == 2, 0.06, 0.04) * (1, -1, 0)
+    taxels = replace(patch.taxels, quality=patch.taxels.quality | {"strain": strain})
+    at = taxels.positions_link[taxels.index[:, 1] == 0].mean(axis=0)
+    mesh = together(cylinder(0.035, 0.2), box(at - (0.006, 0.005, 0.02), at + (0.006, 0.005, 0.02)))
+    on = LinkPoints.of(mesh)
+    on.free[on.points[:, 1] > 0.0145] = False
+    skin = SheetSkin("a", SheetLattice(3, 3, (0.01, 0.01)), None, (0, 1, 0))
+    ((_, _, kept, _),) = _without_conflicts(mesh, on, [(SimpleNamespace(), skin, taxels)])
+    assert [tuple(cell) for cell in taxels.index[kept].tolist()] == [(0, 1), (1, 1)]
