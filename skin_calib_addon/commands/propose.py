@@ -32,6 +32,7 @@ from ..proposal.skins import DEFAULT_SKIN, FORMS, SkinChoice, parse_skin
 from ..robot.from_mjcf import as_urdf
 from ..robot.link_mesh import axis_warning, is_urdf, links_with_mesh, links_without_files
 from ..robot.urdf import read_robot
+from ..robot.zones import load_zones
 from .common import DONE, WRONG_DATA, complain, count, named_path, say
 from .progress import Progress
 from .worker_processes import run_tasks
@@ -137,7 +138,8 @@ def propose(
 
 
 def _warn_first(file: Path, links: Sequence[str]) -> None:
-    """Complain, before anything is computed, of what makes the result useless."""
+    """Complain, before anything is computed, of what makes the result useless; wrong zones are an error."""
+    load_zones(file)
     robot = read_robot(file) if is_urdf(file) else None
     if warning := axis_warning(file, robot, links):
         complain(f"warning: {warning}")

@@ -12,6 +12,7 @@ from ..plan.plan import Plan
 from ..robot.keep_out import paths_from
 from ..robot.link_mesh import find_file, is_urdf
 from ..robot.urdf import Robot, read_robot
+from ..robot.zones import load_zones
 from .skins import SkinChoice
 
 PROPOSAL_FROM = "x_proposal_from"  # Format: member of a proposed plan
@@ -19,11 +20,13 @@ DIGITS = 16  # of a checksum. Larger: longer plans.
 
 
 def made_from(file: Path, link: str, choice: SkinChoice | None) -> dict[str, Any]:
-    """Return what a proposal depends on: checksums of joints, and of the meshes of links, by name; the skin.
+    """Return what a proposal depends on: checksums of joints, and of the meshes of links, by name; zones, and the skin.
 
     They are those of the link, and of the links that cover it somewhere in the ranges of the joints.
     """
     skin = {} if choice is None else {"skin": choice.text, "skin_checksum": _checksum(repr(choice.template))}
+    zones = load_zones(file, link)
+    skin |= {"zones": _checksum(repr(zones))} if zones else {}
     if not is_urdf(file):
         return {**skin, "joints": {}, "links": {link: (file_hash(file) or "")[:DIGITS]}}
     robot = read_robot(file)
@@ -63,5 +66,7 @@ def changes(plan: Plan, now: Mapping[str, Any]) -> Iterator[str]:
             plural = words.replace("mesh", "meshes") + "s" if len(changed) > 1 else words
             verb = "have" if len(changed) > 1 else "has"
             yield f"The {plural} {listed(changed)} {verb} changed since the plan was proposed: other places are free."
+    if former.get("zones") != now.get("zones"):
+        yield "The zones of the link have changed since the plan was proposed."
     if "skin" in now and any(former.get(name) != now[name] for name in ("skin", "skin_checksum")):
         yield f"The plan was proposed for the skin {former.get('skin')}."

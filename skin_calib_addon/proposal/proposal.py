@@ -21,6 +21,7 @@ from ..plan.skins import BoardSkin, SheetSkin
 from ..robot.keep_out import KeepOut
 from ..robot.mirrored import Twin
 from ..robot.urdf import Robot
+from ..robot.zones import load_zones
 from .boards import boards_of_list, usable, with_cells
 from .candidates import axis_of
 from .link_points import LinkPoints
@@ -167,12 +168,15 @@ class _Target:
     ) -> "_Target":
         """Find what of a link can be seen, and what of that is free."""
         begin("outside")
-        on, by_coverer = LinkPoints.of(mesh), {}
+        on = LinkPoints.of(mesh)
+        coverers = np.full(len(on.points), "", object)
         if keep_out is not None:
             begin("other links")
             coverers = keep_out.coverers(link, on.points, on.normals)
-            by_coverer = {name: float(on.areas[coverers == name].sum()) for name in {*coverers} - {""}}
-            on = replace(on, free=coverers == "")
+        for zone in load_zones(file, link):
+            coverers[zone.contains(on.points)] = f"the zone {zone.name}"
+        by_coverer = {name: float(on.areas[coverers == name].sum()) for name in {*coverers} - {""}}
+        on = replace(on, free=coverers == "")
         return cls(link, mesh, file, unit, on, dict(sorted(by_coverer.items(), key=lambda item: (-item[1], item[0]))))
 
     @property
