@@ -1,10 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Inspect the fitted skin of the active link: taxels, comparisons with files and touches, recordings."""
+"""Inspect the fitted skin of the active link: taxels, comparisons with files and touches, recordings, pictures."""
+
+from pathlib import Path
 
 import bpy
+import numpy as np
+from bpy_extras.io_utils import ExportHelper
 
 from ..skin_calib_addon.blender.inspection import comparing, replay, taxel_mesh, taxels
+from ..skin_calib_addon.blender.overlay import picture
 from ..skin_calib_addon.blender.scene.points_on_link import ray_under
+from ..skin_calib_addon.common.errors import OutputError
 from .base import Edit, Operator, no_fit, no_link
 from .files import LooksAtFile
 from .picking import Picking
@@ -168,3 +174,45 @@ class SKIN_OT_touches_end(Operator):
 
     def act(self, context):
         context.object.skin_calib.inspect.property_unset("touches")
+
+
+def no_view(context):
+    """Return that there is no 3D view whose picture could be saved."""
+    is_view = context.space_data is not None and context.space_data.type == "VIEW_3D" and not bpy.app.background
+    return "" if is_view else "Use it in a 3D view"
+
+
+class SKIN_OT_save_picture(ExportHelper, Operator):
+    """Save this view with the drawn skin and a legend of all colours and lines, for a paper or a report"""
+
+    bl_label = "Save Picture"
+    bl_options = {"REGISTER"}
+    blocked_by = (no_view,)
+
+    filename_ext = ".png"
+    filter_glob: bpy.props.StringProperty(default="*.png", options={"HIDDEN"})
+    width: bpy.props.IntProperty(
+        name="Width",
+        description="Width of the picture in pixels; lines and texts grow with it",
+        default=2000,
+        min=200,
+        max=picture.MAX_WIDTH,
+        subtype="PIXEL",
+    )
+    transparent: bpy.props.BoolProperty(name="Transparent", description="Leave the background out")
+
+    def act(self, context):
+        path = Path(bpy.path.abspath(self.filepath))
+        region = next(part for part in context.area.regions if part.type == "WINDOW")
+        pixels = picture.picture_of(context, region, self.width, self.transparent)
+        height, width, _ = pixels.shape
+        image = bpy.data.images.new(path.name, width, height, alpha=True)
+        try:
+            image.pixels.foreach_set((pixels / np.float32(255)).ravel())
+            image.filepath_raw, image.file_format = str(path), "PNG"
+            image.save()
+        except RuntimeError as error:
+            raise OutputError(f"{path} cannot be written: {error}. Choose another folder.") from error
+        finally:
+            bpy.data.images.remove(image)
+        self.report({"INFO"}, f"Saved {path}, {width} x {height} pixels")

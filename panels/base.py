@@ -59,6 +59,7 @@ ICONS = {
     "PLAY": "replay_play",
     "PRESET_NEW": "preset_save",
     "REMOVE": "plane_remove",
+    "RESTRICT_RENDER_OFF": "save_picture",
     "RESTRICT_SELECT_OFF": "show_defects",
     "SNAP_ON": "touches_move",
     "SURFACE_DATA": "fit fit_all skin_surface surface_show",

@@ -40,7 +40,9 @@ def test_surface_and_skin_follow_a_change(bpy, addon, updates, following, monkey
 
 
 @pytest.mark.parametrize("live", [True, False])
-def test_enabled_again_the_extension_follows_the_open_file(bpy, extension, addon, updates, following, monkeypatch, live):
+def test_enabled_again_the_extension_follows_the_open_file(
+    bpy, extension, addon, updates, following, monkeypatch, live
+):
     """Live goes on; without it a mesh that was changed in the meantime makes the result outdated."""
     import addon_utils
 

@@ -1,4 +1,4 @@
-"""Drives a plan by the mouse with Live on: surface and skin change during a drag, after undo, and once enabled again."""
+"""Drives a plan with Live on: surface and skin change during a drag, after undo, and once enabled again."""
 
 import addon_utils
 import bpy
@@ -52,7 +52,7 @@ def follows_undo(gui):
 
 def follows_once_enabled_again(gui):
     """The button Live is still pressed, and the skin is drawn and fitted again."""
-    name = next(name for name in bpy.context.preferences.addons.keys() if name.endswith(".skin_calib"))
+    name = next(a.module for a in bpy.context.preferences.addons if a.module.endswith(".skin_calib"))
     addon_utils.disable(name)
     yield from gui.redraw()
     addon_utils.enable(name)

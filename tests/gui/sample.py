@@ -43,10 +43,10 @@ def follow(gui):
 
 
 def red(gui):
-    """Return the number of red pixels of the 3D view, the colour of normals, without those under the sidebar."""
+    """Return the number of vermillion pixels of the 3D view, the colour of normals, without those under the sidebar."""
     width = gui.region("UI").x - gui.area().x
     r, g, b = gui.pixels("VIEW_3D")[:, :width].astype(int).transpose(2, 0, 1)
-    return int(((r > 180) & (g < 90) & (b < 90)).sum())
+    return int(((r > 180) & (g < 120) & (b < 60)).sum())
 
 
 def pink(gui):

@@ -6,17 +6,18 @@ from typing import Any
 import bpy
 from bpy.props import FloatProperty, FloatVectorProperty, StringProperty
 
+from ...common.colours import GREEN, SKY, VERMILLION, VIOLET, WHITE, YELLOW
 from ...proposal.skins import DEFAULT_SKIN, FORMS
 
 PACKAGE = __package__.partition(".skin_calib_addon")[0]
 # Lines that have a colour, and their first colour.
 COLOURS = {
-    "sections": ("Sections", (1.0, 0.6, 0.1, 0.9)),
-    "lines": ("V-Lines", (0.3, 0.85, 0.4, 0.8)),
-    "net": ("Net", (0.85, 0.45, 0.95, 0.8)),
-    "surface": ("Surface", (0.35, 0.65, 1.0, 0.6)),
-    "cells": ("Cells", (1.0, 1.0, 1.0, 0.9)),
-    "normals": ("Normals", (0.95, 0.2, 0.2, 1.0)),
+    "sections": ("Sections", (*YELLOW[:3], 0.9)),
+    "lines": ("V-Lines", (*GREEN[:3], 0.9)),
+    "net": ("Net", (*VIOLET[:3], 0.9)),
+    "surface": ("Surface", (*SKY[:3], 0.6)),
+    "cells": ("Cells", (*WHITE[:3], 0.9)),
+    "normals": ("Normals", VERMILLION),
 }
 
 
