@@ -9,6 +9,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from ..skin_calib_addon.blender.inspection import comparing, replay, taxel_mesh, taxels
 from ..skin_calib_addon.blender.overlay import picture
+from ..skin_calib_addon.blender.properties.inspect import HEAT_MAPS
 from ..skin_calib_addon.blender.scene.points_on_link import ray_under
 from ..skin_calib_addon.common.errors import OutputError
 from .base import Edit, Operator, no_fit, no_link
@@ -48,13 +49,23 @@ class SKIN_OT_taxel(PicksTaxel, Operator):
 
 
 class SKIN_OT_taxel_mesh(Operator):
-    """Make an object with a face for each taxel, with attributes for Geometry Nodes, materials and the spreadsheet"""
+    """Make an object with a face for each taxel, with attributes, and nodes and a material that show one of them"""
 
     bl_label = "Taxels as Mesh"
     blocked_by = (no_link, no_fit)
 
+    heat: bpy.props.EnumProperty(
+        name="Colours",
+        description="What the colours show; the modifier can show any other attribute by its name",
+        items=[item for item in HEAT_MAPS if item[0] in taxel_mesh.OF_HEAT],
+        options={"SKIP_SAVE"},
+    )
+
     def act(self, context):
-        made = taxel_mesh.add_taxel_mesh(context.object, context)
+        heat = context.object.skin_calib.inspect.heat
+        if heat in taxel_mesh.OF_HEAT and not self.properties.is_property_set("heat"):
+            self.heat = heat
+        made = taxel_mesh.add_taxel_mesh(context.object, context, self.heat)
         names = ", ".join(a.name for a in made.data.attributes if a.domain == "FACE" and not a.is_internal)
         self.report({"INFO"}, f"{made.name}: {len(made.data.polygons)} faces with {names}")
 
@@ -96,6 +107,7 @@ class SKIN_OT_replay_open(LooksAtFile, Operator):
     def look(self, context, path):
         shown = replay.open_recording(context.object, path)
         taxel_mesh.follow_timeline(context.scene)
+        taxel_mesh.show_forces(context.object)
         return f"{len(shown)} frames, {shown.duration:.2f} s, at most {shown.strongest:.2f} N on a taxel"
 
 
