@@ -11,8 +11,9 @@ from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
 from ...calibration.model import Patch
+from ...common.arrays import Array
 from ...pipeline import Calibrated
-from ..scene import results
+from ..scene import results, skins
 from ..scene.link_meshes import link_frame
 from ..scene.preferences import COLOURS, preferences
 from ..scene.units import metres_per_unit
@@ -79,6 +80,14 @@ def patches_of(link: Any) -> Sequence[Patch]:
     """Return the patches that are drawn of an object now, one for each of its skins; none without a fit of these."""
     drawn = layers_now(link)
     return drawn.patches if drawn and len(drawn.patches) == len(link.skin_calib.skins) else ()
+
+
+def frame_of(skin: Any) -> tuple[Array, Array] | None:
+    """Return the tangents of the surface that is drawn now at the origin of a skin; None without a surface there."""
+    drawn = layers_now(skin.id_data)
+    surfaces = drawn.surfaces if drawn else {}
+    surface = surfaces.get(skin.surface) or next(iter(surfaces.values()), None)
+    return surface and skins.frame_of(skin, surface, metres_per_unit(bpy.context.scene))
 
 
 def switched_on(link: Any) -> set[str]:

@@ -12,6 +12,7 @@ from ...common.arrays import ranges
 from ...common.colours import GREEN, PINK, SKY, VERMILLION, VIOLET, WHITE, YELLOW
 from ...geometry.sampling.planes import Planes, perpendicular
 from ...geometry.sampling.sections import cut_sections
+from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.distance import dense_lines
 from ...inspection.all_taxels import AllTaxels
 from ...inspection.comparison import Comparison
@@ -81,6 +82,7 @@ class Layers:
     def __init__(self, placed: Sequence[Any], taxels: AllTaxels, makers: dict[str, Callable[[], Layer]]):
         self.patches, self.taxels = tuple(done.patch for done in placed), taxels
         self.disabled_patches: tuple[Patch | None, ...] = tuple(done.disabled for done in placed)
+        self.surfaces: dict[str, BSplineSurface] = {}  # by their names
         self._makers, self._made = makers, dict[str, Layer]()
 
     @property
@@ -105,7 +107,7 @@ def layers_of(result: Any, is_preview: bool = False) -> Layers:
     """Return all layers of a result."""
     fits, taxels = tuple(result.fits.values()), AllTaxels.of([done.patch for done in result.placed])
     disabled = AllTaxels.of([done.disabled for done in result.placed if done.disabled is not None])
-    return Layers(
+    layers = Layers(
         result.placed,
         taxels,
         {
@@ -131,6 +133,8 @@ def layers_of(result: Any, is_preview: bool = False) -> Layers:
             "LABELS": lambda: labels_of(taxels),
         },
     )
+    layers.surfaces = {name: fit.surface for name, fit in result.fits.items()}
+    return layers
 
 
 def _each(fits: Sequence[Any], lines: Callable[[Any], np.ndarray]) -> np.ndarray:

@@ -8,6 +8,7 @@ from bpy.props import FloatProperty, FloatVectorProperty, StringProperty
 
 from ...common.colours import GREEN, SKY, VERMILLION, VIOLET, WHITE, YELLOW
 from ...proposal.skins import DEFAULT_SKIN, FORMS
+from .skin_choice import SIZES, fields_of
 
 PACKAGE = __package__.partition(".skin_calib_addon")[0]
 # Lines that have a colour, and their first colour.
@@ -42,7 +43,10 @@ class SKIN_AP_preferences(bpy.types.AddonPreferences):
         """Draw colours, sizes and the skin."""
         layout = self.layout
         layout.use_property_split = True
-        layout.prop(self, "skin")
+        column = layout.column(align=True)
+        column.prop(self, "skin_kind")
+        for name, label in SIZES[self.skin_kind].items():
+            column.prop(self, name, text=label)
         layout.prop(self, "line_width")
         layout.prop(self, "text_size")
         column = layout.column(heading="Colours")
@@ -57,6 +61,7 @@ SKIN_AP_preferences.__annotations__ = {
         description=f"Skin that is proposed in scenes that state none. {FORMS.removesuffix('.')}",
         default=DEFAULT_SKIN,
     ),
+    **fields_of(is_scene=False),
     "line_width": FloatProperty(
         name="Line Width",
         description="Width of all lines, as a factor",
