@@ -102,7 +102,7 @@ class Propose(Working):
         try:
             self.choice = parse_skin(text)
         except InvalidPlan as error:  # in words of the window
-            raise InvalidPlan(str(error).replace(FORMS, "Choose its kind and size under Skin.")) from error
+            raise InvalidPlan(str(error).replace(FORMS, "Choose kind and size of the Proposed Skin.")) from error
         robot_of.cache_clear()  # its files can have changed
         return super().chosen(context)
 

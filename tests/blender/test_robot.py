@@ -310,12 +310,12 @@ def test_refused_proposals_and_exports_state_the_reason(bpy, extension, robot, t
         bpy.ops.skin_calib.export_robot(directory=str(tmp_path / "out"))
     preferences = bpy.context.preferences.addons[extension].preferences
     preferences.skin = "felt"  # that of the scene has priority
-    with pytest.raises(RuntimeError, match="Error: 'felt' is not a skin. Choose its kind"):
+    with pytest.raises(RuntimeError, match="Error: 'felt' is not a skin. Choose kind"):
         bpy.ops.skin_calib.propose()
     preferences.property_unset("skin")
     scene.skin_calib.skin = "leather"
     for name in ("propose", "propose_all"):
-        with pytest.raises(RuntimeError, match="Error: 'leather' is not a skin. Choose its kind"):
+        with pytest.raises(RuntimeError, match="Error: 'leather' is not a skin. Choose kind"):
             getattr(bpy.ops.skin_calib, name)()
     assert not link.skin_calib.refusal
     link.skin_calib.skins.add().kind = "sheet"

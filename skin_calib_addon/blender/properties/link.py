@@ -105,6 +105,7 @@ class SKIN_PG_skin(bpy.types.PropertyGroup):
         description="Angle from the lines of the surface, in v, to the row of the origin, counter-clockwise seen from "
         "outside. The plan keeps the direction as a vector",
         subtype="ANGLE",
+        precision=3,
         step=100,
         get=_turn,
         set=_set_turn,

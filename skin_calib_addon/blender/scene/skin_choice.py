@@ -55,7 +55,12 @@ def fields_of(is_scene: bool) -> dict[str, Any]:
     )
     return {
         "skin_kind": EnumProperty(
-            name="Skin", description="What is proposed for links", items=kinds, get=kind, set=set_kind, options=set()
+            name="Proposed Skin",
+            description="What Propose puts on links",
+            items=kinds,
+            get=kind,
+            set=set_kind,
+            options=set(),
         ),
         "skin_length_mm": FloatProperty(
             name="Size", description=length, min=0.1, unit="CAMERA", precision=4, step=10, **_view("length")
