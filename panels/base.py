@@ -25,7 +25,7 @@ NARROW_WIDTH = 260
 # [pixel of a screen with standard density] For the value of a field next to its label, in addition to the margin of a
 # text. Larger: labels are above their fields in wider sidebars.
 VALUE_WIDTH = 35
-# [pixel of a screen with standard density] The same for a length with its unit, as 0.004766 mm; for an angle, as -178.6°
+# [pixel of a screen with standard density] The same for a length with its unit, as 0.004766 mm; an angle, as -178.6°
 LENGTH_WIDTH, ANGLE_WIDTH = 80, 55
 ICON_WIDTH = (
     25  # [pixel of a screen with standard density] of an icon. Larger: buttons lose fewer words in narrow sidebars

@@ -351,8 +351,8 @@ def mark_of(taxels: AllTaxels, row: int) -> tuple[Layer, ...]:
     stick = np.stack((taxels.positions[row], tip))
     return (
         Layer("MARKED", _segments(corners[neighbours]), colour=YELLOW, width=3.0, words="its neighbours"),
-        Layer("MARKED", _segments(corners[row : row + 1]), colour=SKY, width=4.5, words=taxels.ids[row]),
-        Layer("MARKED", _single(stick), colour=SKY, width=3.0),
+        Layer("MARKED", _segments(corners[row : row + 1]), colour=PINK, width=4.5, words=taxels.ids[row]),
+        Layer("MARKED", _single(stick), colour=PINK, width=3.0),
     )
 
 
