@@ -160,6 +160,8 @@ class SkinStep(Step):
         column = layout.column()
         column.alert = not skin.file
         field(column, skin, key.property_name)
+        if not skin.file:
+            show_text(column, "Choose the file that has the taxels", "ERROR")
 
     def draw_frame(self, layout, skin, key, i):
         field(layout, skin, key.switch.name)

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from tests.blender.conftest import modules
+from tests.blender.test_registration import draw
 
 # Machado, Oliveira and Fernandes (2009): what complete protanopia and deuteranopia make of linear RGB.
 SIGHT = {
@@ -94,3 +95,10 @@ def test_dashes_are_equal_parts_of_a_segment(ours):
     found = ours.layers.dashed(ends, 1.0)
     assert_allclose(found[:6, 0], 5.2 / 5 * np.arange(6), rtol=1e-6)
     assert_allclose(found[6:], ends[2:])
+
+
+def test_field_without_its_file_is_not_only_red(bpy, link):
+    """The reason is below it in words."""
+    skin = link.skin_calib.skins.add()
+    skin.kind, skin.opened = "imported", True
+    assert "Choose the file that has the taxels" in " ".join(draw(bpy, "skin"))

@@ -18,7 +18,7 @@ def drive(gui):
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
     yield from gui.tab("Inspect")
     yield from shows_heat_maps(gui)
-    saves_pictures(gui)
+    yield from saves_pictures(gui)
     yield from writes_labels(gui)
     yield from reads_taxels(gui)
     yield from compares(gui)
@@ -54,6 +54,9 @@ def shows_heat_maps(gui):
 def saves_pictures(gui):
     """The file has the wanted width, the normals over the link, and a legend that names them; or no background."""
     plan().layers, plan().inspect.heat = {"CELLS", "NORMALS"}, "TILT"
+    yield from press(gui, "skin_calib.save_picture")
+    yield from gui.choose_file(gui.out / "chosen.png")
+    yield from gui.wait((gui.out / "chosen.png").exists, 20, "the picture")
     for is_transparent in (False, True):
         path = gui.out / f"picture_{is_transparent}.png"
         with gui.context():

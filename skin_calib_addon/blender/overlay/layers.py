@@ -350,7 +350,9 @@ def mark_of(taxels: AllTaxels, row: int) -> tuple[Layer, ...]:
     tip = taxels.positions[row] + 1.5 * taxels.width * taxels.normals[row]
     stick = np.stack((taxels.positions[row], tip))
     return (
-        Layer("MARKED", _segments(corners[neighbours]), colour=YELLOW, width=3.0, words="its neighbours"),
+        Layer(
+            "MARKED", _segments(corners[neighbours]), colour=YELLOW, width=3.0, words=f"neighbours of {taxels.ids[row]}"
+        ),
         Layer("MARKED", _segments(corners[row : row + 1]), colour=PINK, width=4.5, words=taxels.ids[row]),
         Layer("MARKED", _single(stick), colour=PINK, width=3.0),
     )

@@ -30,7 +30,7 @@ def redraw(_preferences: Any, context: bpy.types.Context) -> None:
 
 
 def _colour(label: str, first: tuple[float, ...]) -> Any:
-    words = {"name": label, "description": f"Colour of {label}", "subtype": "COLOR"}
+    words = {"name": label, "description": f"Colour of {label}", "subtype": "COLOR_GAMMA"}  # as it is drawn
     return FloatVectorProperty(size=4, default=first, min=0, max=1, update=redraw, **words)
 
 
