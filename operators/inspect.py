@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Inspect the fitted skin of the active link: taxels, comparisons with files and touches, recordings."""
+"""Inspect the fitted skin of the active link: taxels, comparisons with files and touches, recordings, pictures."""
+
+from pathlib import Path
 
 import bpy
+import numpy as np
+from bpy_extras.io_utils import ExportHelper
 
 from ..skin_calib_addon.blender.inspection import comparing, replay, taxel_mesh, taxels
+from ..skin_calib_addon.blender.overlay import picture
+from ..skin_calib_addon.blender.properties.inspect import HEAT_MAPS
 from ..skin_calib_addon.blender.scene.points_on_link import ray_under
+from ..skin_calib_addon.common.errors import OutputError
 from .base import Edit, Operator, no_fit, no_link
 from .files import LooksAtFile
 from .picking import Picking
@@ -42,13 +49,23 @@ class SKIN_OT_taxel(PicksTaxel, Operator):
 
 
 class SKIN_OT_taxel_mesh(Operator):
-    """Make an object with a face for each taxel, with attributes for Geometry Nodes, materials and the spreadsheet"""
+    """Make an object with a face for each taxel, with attributes, and nodes and a material that show one of them"""
 
     bl_label = "Taxels as Mesh"
     blocked_by = (no_link, no_fit)
 
+    heat: bpy.props.EnumProperty(
+        name="Colours",
+        description="What the colours show; the modifier can show any other attribute by its name",
+        items=[item for item in HEAT_MAPS if item[0] in taxel_mesh.OF_HEAT],
+        options={"SKIP_SAVE"},
+    )
+
     def act(self, context):
-        made = taxel_mesh.add_taxel_mesh(context.object, context)
+        heat = context.object.skin_calib.inspect.heat
+        if heat in taxel_mesh.OF_HEAT and not self.properties.is_property_set("heat"):
+            self.heat = heat
+        made = taxel_mesh.add_taxel_mesh(context.object, context, self.heat)
         names = ", ".join(a.name for a in made.data.attributes if a.domain == "FACE" and not a.is_internal)
         self.report({"INFO"}, f"{made.name}: {len(made.data.polygons)} faces with {names}")
 
@@ -90,6 +107,7 @@ class SKIN_OT_replay_open(LooksAtFile, Operator):
     def look(self, context, path):
         shown = replay.open_recording(context.object, path)
         taxel_mesh.follow_timeline(context.scene)
+        taxel_mesh.show_forces(context.object)
         return f"{len(shown)} frames, {shown.duration:.2f} s, at most {shown.strongest:.2f} N on a taxel"
 
 
@@ -168,3 +186,45 @@ class SKIN_OT_touches_end(Operator):
 
     def act(self, context):
         context.object.skin_calib.inspect.property_unset("touches")
+
+
+def no_view(context):
+    """Return that there is no 3D view whose picture could be saved."""
+    is_view = context.space_data is not None and context.space_data.type == "VIEW_3D" and not bpy.app.background
+    return "" if is_view else "Use it in a 3D view"
+
+
+class SKIN_OT_save_picture(ExportHelper, Operator):
+    """Save this view with the drawn skin and a legend of all colours and lines, for a paper or a report"""
+
+    bl_label = "Save Picture"
+    bl_options = {"REGISTER"}
+    blocked_by = (no_view,)
+
+    filename_ext = ".png"
+    filter_glob: bpy.props.StringProperty(default="*.png", options={"HIDDEN"})
+    width: bpy.props.IntProperty(
+        name="Width",
+        description="Width of the picture in pixels; lines and texts grow with it",
+        default=2000,
+        min=200,
+        max=picture.MAX_WIDTH,
+        subtype="PIXEL",
+    )
+    transparent: bpy.props.BoolProperty(name="Transparent", description="Leave the background out")
+
+    def act(self, context):
+        path = Path(bpy.path.abspath(self.filepath))
+        region = next(part for part in context.area.regions if part.type == "WINDOW")
+        pixels = picture.picture_of(context, region, self.width, self.transparent)
+        height, width, _ = pixels.shape
+        image = bpy.data.images.new(path.name, width, height, alpha=True)
+        try:
+            image.pixels.foreach_set((pixels / np.float32(255)).ravel())
+            image.filepath_raw, image.file_format = str(path), "PNG"
+            image.save()
+        except RuntimeError as error:
+            raise OutputError(f"{path} cannot be written: {error}. Choose another folder.") from error
+        finally:
+            bpy.data.images.remove(image)
+        self.report({"INFO"}, f"Saved {path}, {width} x {height} pixels")

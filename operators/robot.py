@@ -18,7 +18,7 @@ from ..skin_calib_addon.common.errors import InvalidMesh, InvalidPlan, OutputErr
 from ..skin_calib_addon.common.findings import printable
 from ..skin_calib_addon.pipeline.robot_folder import save_link, save_robot
 from ..skin_calib_addon.proposal.links import Task, numbered, plan_path, propose_task, robot_of
-from ..skin_calib_addon.proposal.skins import parse_skin
+from ..skin_calib_addon.proposal.skins import FORMS, parse_skin
 from ..skin_calib_addon.robot.kinematics import link_poses
 from ..skin_calib_addon.robot.link_mesh import axis_warning, load_urdf_meshes
 from ..skin_calib_addon.robot.urdf import read_robot
@@ -98,7 +98,11 @@ class Propose(Working):
     doing, did = "Proposing a plan", "Proposed plans for"
 
     def chosen(self, context):
-        self.choice = parse_skin(bpy.path.abspath(context.scene.skin_calib.skin or preferences().skin))
+        text = bpy.path.abspath(context.scene.skin_calib.skin or preferences().skin)
+        try:
+            self.choice = parse_skin(text)
+        except InvalidPlan as error:  # in words of the window
+            raise InvalidPlan(str(error).replace(FORMS, "Choose kind and size of the Proposed Skin.")) from error
         robot_of.cache_clear()  # its files can have changed
         return super().chosen(context)
 

@@ -25,7 +25,8 @@ NARROW_WIDTH = 260
 # [pixel of a screen with standard density] For the value of a field next to its label, in addition to the margin of a
 # text. Larger: labels are above their fields in wider sidebars.
 VALUE_WIDTH = 35
-LENGTH_WIDTH = 80  # [pixel of a screen with standard density] the same for a length with its unit, as 0.004766 mm
+# [pixel of a screen with standard density] The same for a length with its unit, as 0.004766 mm; an angle, as -178.6°
+LENGTH_WIDTH, ANGLE_WIDTH = 80, 55
 ICON_WIDTH = (
     25  # [pixel of a screen with standard density] of an icon. Larger: buttons lose fewer words in narrow sidebars
 )
@@ -59,6 +60,7 @@ ICONS = {
     "PLAY": "replay_play",
     "PRESET_NEW": "preset_save",
     "REMOVE": "plane_remove",
+    "RESTRICT_RENDER_OFF": "save_picture",
     "RESTRICT_SELECT_OFF": "show_defects",
     "SNAP_ON": "touches_move",
     "SURFACE_DATA": "fit fit_all skin_surface surface_show",
@@ -172,7 +174,7 @@ def field(layout, group, name, **words):
         for i, letter in enumerate("XYZ"):
             layout.prop(group, name, index=i, text=letter if i or is_narrow() else f"{text} {letter}")
         return
-    number = LENGTH_WIDTH if item.unit == "CAMERA" else VALUE_WIDTH
+    number = {"CAMERA": LENGTH_WIDTH, "ROTATION": ANGLE_WIDTH}.get(getattr(item, "unit", ""), VALUE_WIDTH)
     space = {"BOOLEAN": ICON_WIDTH, "INT": number, "FLOAT": number}.get(item.type)
     if not is_narrow() or is_several or not text or space is not None and fits(text, space):
         layout.prop(group, name, **words)

@@ -36,7 +36,9 @@ class SKIN_PT_inspect(InspectPanel, bpy.types.Panel):
             flow.prop_enum(plan, "layers", item.identifier)
         field(column, plan.inspect, "heat")
         field(column, plan.inspect, "labels")
-        button(layout, "taxel_mesh")
+        column = layout.column(align=True)
+        button(column, "save_picture")
+        button(column, "taxel_mesh")
         if taxel_mesh.is_of_another_fit(plan.id_data):
             show_text(layout, "Of another fit: make it again", "INFO")
         if plan.inspect.heat == "FORCE" and not plan.inspect.replay.file:

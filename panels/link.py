@@ -8,13 +8,12 @@ import bpy
 from ..skin_calib_addon.blender.live import diagnoses
 from ..skin_calib_addon.blender.live.advice import shown_warnings
 from ..skin_calib_addon.blender.scene.link_objects import longest_side
-from ..skin_calib_addon.blender.scene.preferences import preferences
 from ..skin_calib_addon.blender.scene.warnings import read_warning
 from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import counted
 from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, is_plausible, possible_units
 from .base import Step, button, buttons, field, serious_of, show_text, show_warning
-from .robot import listed
+from .robot import draw_choice, listed
 from .rows import draw_keys, keys_in
 from .status import misplaced
 
@@ -33,7 +32,7 @@ class LinkStep(Step):
         draw_keys(layout, plan, keys_in("Link"))
         field(layout, plan, "mesh_file")
         if len(listed()) == 1:  # for several links, the step Robot has it
-            field(layout, bpy.context.scene.skin_calib, "skin", placeholder=preferences().skin)
+            draw_choice(layout)
         self.draw_unit(layout)
         draw_imports(layout)
 

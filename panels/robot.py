@@ -7,6 +7,7 @@ import bpy
 
 from ..skin_calib_addon.blender.scene import robots
 from ..skin_calib_addon.blender.scene.preferences import preferences
+from ..skin_calib_addon.blender.scene.skin_choice import SIZES, in_words
 from ..skin_calib_addon.blender.session import session
 from ..skin_calib_addon.common.errors import counted
 from .base import Step, button, buttons, field, show_text
@@ -86,7 +87,7 @@ class RobotStep(Step):
             words, icon, reason = state_of(link)
             reason = "" if link.type == "MESH" else reason  # that of a mesh is in the state above
             show_text(layout, f"{link.skin_calib.link}: {words}{'. ' * bool(reason)}{reason}", icon)
-        field(layout, scene.skin_calib, "skin", placeholder=preferences().skin)
+        draw_choice(layout)
         row = buttons(layout)
         button(row, "propose_all", icon="NONE")
         button(row, "fit_all", icon="NONE")
@@ -107,6 +108,16 @@ class ReasonsStep(Step):
     def draw_plan(self, layout, plan):
         for reason in json.loads(plan.extra or "{}").get("x_proposal", ()):
             show_text(layout, str(reason), "DOT")
+
+
+def draw_choice(layout):
+    """Draw the skin that is proposed: its kind and its size, or that of the preferences."""
+    choice, column = bpy.context.scene.skin_calib, layout.column(align=True)
+    field(column, choice, "skin_kind")
+    for name, label in SIZES[choice.skin_kind].items():
+        field(column, choice, name, text=label)
+    if choice.skin_kind == "usual":
+        show_text(column, in_words(preferences().skin), "NONE")
 
 
 def listed():

@@ -3,6 +3,7 @@
 
 from functools import partial
 
+from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene.plans import surface_names
 from ..skin_calib_addon.common.errors import counted
@@ -21,7 +22,7 @@ from .base import (
     show_text,
     symbol,
 )
-from .rows import draw_keys, draw_value
+from .rows import draw_keys, draw_value, has_switch
 
 # Keys of a skin that most skins leave as they are.
 RARE = (
@@ -84,6 +85,7 @@ class SkinStep(Step):
             "landmarks": partial(self.draw_list, what="landmark", i=i),
             "excluded": partial(self.draw_list, what="zone", i=i),
             "origin": partial(self.draw_origin, i=i),
+            "direction": self.draw_direction,
             "cells": partial(self.draw_cells, i=i),
             "taxels": partial(self.draw_single_taxels, i=i),
             "surface": partial(self.draw_surface, i=i),
@@ -128,6 +130,12 @@ class SkinStep(Step):
         self.draw_places(row, "origin", i, 0)
         draw_value(layout, skin, key)
 
+    def draw_direction(self, layout, skin, key):
+        if has_switch(key):
+            field(layout, skin, key.switch.name)
+        if not has_switch(key) or not skin.auto_direction:
+            field(layout, skin, "turn" if drawing.frame_of(skin) else key.property_name)
+
     def draw_cells(self, layout, skin, key, i):
         field(layout, skin, key.property_name)
         button(layout, "boards_paint", skin=i)
@@ -152,6 +160,8 @@ class SkinStep(Step):
         column = layout.column()
         column.alert = not skin.file
         field(column, skin, key.property_name)
+        if not skin.file:
+            show_text(column, "Choose the file that has the taxels", "ERROR")
 
     def draw_frame(self, layout, skin, key, i):
         field(layout, skin, key.switch.name)

@@ -16,6 +16,7 @@ from . import __version__
 from .commands.common import DONE, INTERRUPTED, WRONG_CALL, WRONG_DATA, complain
 from .common.errors import OutputError, SkinCalibError
 from .common.interruptions import handled
+from .common.packages import how_to_install
 
 if TYPE_CHECKING:
     from .commands.fit import ScenePlans
@@ -74,7 +75,7 @@ def main(argv: Sequence[str] | None = None, scene_plans: "ScenePlans | None" = N
         package = (error.name or "").partition(".")[0]
         if package not in AUTHOR_PACKAGES:
             raise
-        complain(f"this needs {package}, which is not installed here: pip install 'skin-calib[author]'")
+        complain(f"this needs {package}, which is not installed here: {how_to_install(package)}")
         return WRONG_DATA
     except (OutputError, SkinCalibError) as error:
         complain(str(error))

@@ -35,10 +35,20 @@ def register(package: str) -> None:
             getattr(bpy.app.handlers, event).append(handler)
         getattr(module, "register", lambda: None)()
         _modules.append(module)
+    if not bpy.app.background:  # without a window timers do not run, but the exit waits for them
+        bpy.app.timers.register(resume)  # an extension that registers has no access to the file
+
+
+def resume() -> None:
+    """Treat the open file as one that was just opened: Live goes on, and meshes may have changed in the meantime."""
+    for module in _modules:
+        getattr(module, "HANDLERS", {}).get("load_post", lambda *_: None)(bpy.data.filepath, None)
 
 
 def unregister() -> None:
     """Remove everything in the opposite order."""
+    if bpy.app.timers.is_registered(resume):
+        bpy.app.timers.unregister(resume)
     while _modules:
         module = _modules.pop()
         getattr(module, "unregister", lambda: None)()

@@ -11,7 +11,7 @@ from ..runtime.frame import Frame
 from ..runtime.skin import Skin
 from .calibration import blank, save_png
 
-COLOURS = {"outer": "#9aa7b8", "nominal": "#1552c0", "guaranteed": "#1a9a3a"}
+STYLES = {"outer": ("#9aa7b8", ":"), "nominal": ("#1552c0", "--"), "guaranteed": ("#1a9a3a", "-")}  # of polygons
 # Number of frames with drawn polygons.
 MAX_POLYGONS = 6
 
@@ -89,11 +89,11 @@ def _draw_support(axes: Any, frames: Sequence[Frame]) -> None:
         return
     x, y = 1e3 * np.array([frame.cop for frame in standing]).T
     for k, frame in enumerate(standing[:: max(1, len(standing) // MAX_POLYGONS)]):
-        for name, colour in COLOURS.items():
+        for name, (colour, style) in STYLES.items():
             corners = 1e3 * getattr(frame.polygon, name).corners
             if len(corners):
                 loop = np.concatenate((corners, corners[:1]))
-                axes.plot(*loop.T, color=colour, linewidth=1.0, alpha=0.7, label=None if k else name)
+                axes.plot(*loop.T, style, color=colour, linewidth=1.0, alpha=0.7, label=None if k else name)
     axes.plot(x, y, "-", color="black", linewidth=1.3, label="CoP")
     axes.plot(x[-1], y[-1], "o", color="black", markersize=4)
     axes.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=4, frameon=False)

@@ -42,11 +42,14 @@ def _draw_map(axis: Any, placement: Placement) -> None:
     starts, offsets = placement.flat * 1e3, placement.offsets[:, :2] * 1e3
     outliers = np.zeros(len(starts), bool)
     outliers[placement.outliers] = True
-    for rows, colour, label in ((~outliers, "#1f77b4", "touch"), (outliers, "#d62728", "far from its taxel")):
+    for rows, colour, mark, label in (
+        (~outliers, "#1f77b4", "o", "touch"),
+        (outliers, "#d62728", "x", "far from its taxel"),
+    ):
         if rows.any():
             (x, y), (u, v) = starts[rows].T, offsets[rows].T
             axis.plot([x, x + u], [y, y + v], color=colour, linewidth=1.0, alpha=0.7)
-            axis.plot(x + u, y + v, "o", color=colour, markersize=3, label=label)
+            axis.plot(x + u, y + v, mark, color=colour, markersize=4, label=label)
     axis.set_title(f"{patch.name}: {len(placement.rows)} touches, from the taxels that felt them", loc="left")
     axis.set_xlabel("along the rows [mm]")
     axis.set_ylabel("across [mm]")

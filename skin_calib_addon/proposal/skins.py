@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,17 +42,39 @@ class SkinChoice:
     text: str  # as the author wrote it
 
 
+class Form(NamedTuple):
+    """Kind and size of a skin that a text describes."""
+
+    kind: str  # "hexagons", "sheet" or "file"
+    length: float = 0.0  # of a side, or pitch [mm]
+    rows: int = 1
+    columns: int = 1
+
+    @property
+    def text(self) -> str:
+        """The text that describes boards or a sheet."""
+        size = f"{self.rows}x{self.columns}x" if self.kind == "sheet" else ""
+        return f"{self.kind}:{size}{self.length:g}mm"
+
+
+def form_of(text: str) -> Form:
+    """Return kind and size of a skin; a text that states none is the name of a file."""
+    found = re.fullmatch(r"(hexagons|sheet):(?:(\d+)x(\d+)x)?(\d+(?:\.\d*)?)mm", text)
+    if text == "hexagons":
+        return Form("hexagons", 1e3 * SIDE)
+    if found is None or (found[1] == "sheet") != bool(found[2]):
+        return Form("file")
+    return Form(found[1], real(found[4]), int(found[2] or 1), int(found[3] or 1))
+
+
 def parse_skin(text: str) -> SkinChoice:
     """Return the skin that a text describes."""
-    kind, _, size = text.partition(":")
-    lengths = re.fullmatch(r"(?:(\d+)x(\d+)x)?(\d+(?:\.\d*)?)mm", size)
-    length = round(real(lengths[3]) * 1e-3, 9) if lengths else 0.0  # [m]
-    if text == "hexagons":
-        return _choice({"kind": "hexagons"}, text)
-    if kind == "hexagons" and lengths and not lengths[1]:
+    form = form_of(text)
+    length = round(form.length * 1e-3, 9)  # [m]
+    if form.kind == "hexagons":
         return _choice({"kind": "hexagons", "side": length} | ({} if length == SIDE else {"gap": 0.0}), text)
-    if kind == "sheet" and lengths and lengths[1]:
-        size_of = {"rows": int(lengths[1]), "columns": int(lengths[2]), "pitch": [length, length]}
+    if form.kind == "sheet":
+        size_of = {"rows": form.rows, "columns": form.columns, "pitch": [length, length]}
         return _choice({"kind": "sheet"} | size_of, text)
     if text.endswith(".json"):
         document, findings = parse(read(Path(text)))

@@ -5,7 +5,7 @@ from threading import Event
 
 import pytest
 
-from tests.blender.conftest import BAND, look
+from tests.blender.conftest import BAND, look, modules
 from tests.blender.test_registration import draw
 
 
@@ -37,6 +37,28 @@ def test_surface_and_skin_follow_a_change(bpy, addon, updates, following, monkey
     followed = plan.result.key, plan.result.mean
     bpy.ops.skin_calib.fit()
     assert (plan.result.key, plan.result.mean) == followed and followed[0] != before
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_enabled_again_the_extension_follows_the_open_file(
+    bpy, extension, addon, updates, following, monkeypatch, live
+):
+    """Live goes on; without it a mesh that was changed in the meantime makes the result outdated."""
+    import addon_utils
+
+    following.skin_calib.live = live
+    addon_utils.disable(extension)
+    following.data.vertices[0].co.z += 1e-4
+    bpy.context.view_layer.update()
+    addon_utils.enable(extension)
+    ours = modules(extension, "registration", "live.diagnoses")
+    ours.registration.resume()
+    monkeypatch.setattr(ours.diagnoses, "CHECK_DELAY", 0.0)
+    while ours.diagnoses.verify() is not None:
+        pass
+    rest(updates, monkeypatch)
+    result = bpy.context.object.skin_calib.result
+    assert bool(addon.results.find(result.key)) == live and result.outdated == (not live)
 
 
 def test_change_of_a_skin_needs_no_other_surface(bpy, addon, updates, preview, following, monkeypatch, state_of):

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from tests.blender.conftest import ROOT
+from tests.blender.conftest import BOARDS, LISTED, ROOT
 from tests.blender.test_link_frame import frame_for
+from tests.blender.test_registration import draw
 
 POINT = (0.0358, 0.0208, 0.0523)
 TARGETS = [(0, "origin", 0), (1, "landmark", 0), (2, "zone", 1)]  # row of `points`, what it is, of which skin
@@ -133,3 +134,50 @@ def test_what_can_be_moved_has_a_handle(addon, with_skins):
     assert handles.targets_of(plan) == sheet
     plan.skins[0].landmarks.clear()
     assert handles.targets_of(plan) == [("origin", 0, 0), ("direction", 0, 0)]
+
+
+def root_tangent(addon, link, skin):
+    """Return the direction of the row at the origin of a skin, after a fit."""
+    taxels = addon.results.find(link.skin_calib.result.key).calibration.patches[skin].taxels
+    return taxels.tangents_link[np.abs(taxels.index).sum(axis=1).argmin()]
+
+
+@pytest.mark.parametrize("metre", [1.0, 0.001])
+def test_direction_is_one_angle_from_the_lines(bpy, addon, plan_file, metre):
+    """Zero is Automatic Direction; a quarter turn is one of the skin, seen from outside; undo restores the vector."""
+    bpy.context.scene.unit_settings.scale_length = metre
+    boards = BOARDS | LISTED | {"cells": [[0, 0]], "offset": 0.0}
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[boards])))
+    link = bpy.context.object
+    skin = link.skin_calib.skins[0]
+    assert "turn" not in draw(bpy, "skin") and "direction" in draw(bpy, "skin")
+    skin.auto_direction = True
+    bpy.ops.skin_calib.fit()
+    lines = root_tangent(addon, link, 0)
+    skin.auto_direction = False
+    assert "turn" in draw(bpy, "skin") and "direction" not in draw(bpy, "skin")
+    for angle in (0.0, np.pi / 2, -2.0):
+        skin.turn = angle
+        assert_allclose(skin.turn, angle, atol=1e-5)
+        bpy.ops.skin_calib.fit()
+        taxels = addon.results.find(link.skin_calib.result.key).calibration.patches[0].taxels
+        left = np.cross(taxels.normals_link[0], lines)
+        expected = np.cos(angle) * lines + np.sin(angle) * left
+        assert_allclose(root_tangent(addon, link, 0), expected, atol=1e-3)
+    bpy.ops.ed.undo_push(message="before")
+    before = tuple(skin.direction)
+    skin.turn = 1.0
+    bpy.ops.ed.undo_push(message="turn")
+    bpy.ops.ed.undo()
+    assert tuple(bpy.context.object.skin_calib.skins[0].direction) == before
+
+
+def test_direction_of_an_origin_off_the_surface_is_a_vector(bpy, link):
+    """Without a tangent plane the panel has the three numbers, and the angle changes nothing."""
+    bpy.ops.skin_calib.fit()
+    skin = link.skin_calib.skins[0]
+    assert "turn" in draw(bpy, "skin")
+    skin.centred, skin.origin = False, (0.0, 0.0, 5.0)
+    before = tuple(skin.direction)
+    skin.turn = 1.0
+    assert tuple(skin.direction) == before and "direction" in draw(bpy, "skin")

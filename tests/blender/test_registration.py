@@ -1,8 +1,11 @@
 """The extension can be removed without a trace, and each of its parts has a description."""
 
+import importlib
 from types import MethodType
 
 import pytest
+
+from tests.blender.conftest import modules
 
 
 def traces(bpy):
@@ -52,7 +55,9 @@ def test_operator_has_tooltip_and_undo(bpy):
         assert len(description) > 15 and "\n" not in description, name
         assert operator.get_rna_type().name != name
         undo = "UNDO" in getattr(bpy.types, f"SKIN_CALIB_OT_{name}").bl_options
-        assert undo == (name not in ("export_calibration", "export_taxels", "replay_play", "preset_save")), name
+        assert undo == (
+            name not in ("export_calibration", "export_taxels", "replay_play", "preset_save", "save_picture")
+        ), name
 
 
 def properties(group, path=""):
@@ -225,3 +230,17 @@ def test_panel_shows_warnings_line_by_line(bpy, link):
     warning.advice = "Move it."
     expected = ["The surface is 7.1 mm off the mesh", "at the first plane.", "Move it."]
     assert draw(bpy, "status")[-3:] == expected
+
+
+def test_missing_package_is_named_with_what_to_do_in_blender(bpy, extension, monkeypatch):
+    """Of a package of ours; anything else that is missing is a defect, whose message stays."""
+    package = importlib.import_module(extension)
+    registration = modules(extension, "registration").registration
+
+    def fail(name):
+        raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+    for name, words in (("scipy", "needs scipy: install the zip .* Install from Disk"), ("scipi", "No module named")):
+        monkeypatch.setattr(registration, "register", lambda _package, name=name: fail(name))
+        with pytest.raises(ModuleNotFoundError, match=words):
+            package.register()

@@ -270,6 +270,37 @@ def test_propose_all_keeps_skins_that_are_added_while_it_works(bpy, plan_file, m
     assert "Proposed plans for 0 links; refused: 2" in out
 
 
+def test_skin_is_a_menu_with_sizes(bpy, extension, link):
+    """It shows and changes the text that scripts and earlier scenes have; undo and the preferences, too."""
+    scene = bpy.context.scene.skin_calib
+    shown = ["skin_kind", "Hexagons: 8 mm"]
+    assert scene.skin_kind == "usual" and draw(bpy, "link")[2:4] == shown
+    for kind, text, fields in (
+        ("hexagons", "hexagons:8mm", ["skin_length"]),
+        ("sheet", "sheet:6x22x10mm", ["skin_rows", "skin_columns", "skin_length"]),
+        ("file", "//skin.json", ["skin_file"]),
+    ):
+        scene.skin_kind = kind
+        assert scene.skin == text and draw(bpy, "link")[2 : 3 + len(fields)] == ["skin_kind", *fields]
+    for text, kind in (("hexagons", "hexagons"), ("hexagons:8 mm", "file"), ("sheet:2mm", "file"), ("", "usual")):
+        scene.skin = text  # of an earlier scene; what is no size stays as it is, and is refused
+        assert scene.skin_kind == kind and scene.skin == text
+    scene.skin_kind = "sheet"
+    scene.skin_rows, scene.skin_columns, scene.skin_length_mm = 4, 8, 16.3
+    assert scene.skin == "sheet:4x8x16.3mm" and (scene.skin_rows, scene.skin_columns) == (4, 8)
+    bpy.ops.ed.undo_push(message="before")
+    scene.skin_kind = "hexagons"
+    bpy.ops.ed.undo_push(message="kind")
+    bpy.ops.ed.undo()
+    assert bpy.context.scene.skin_calib.skin == "sheet:4x8x16.3mm"
+    preferences = bpy.context.preferences.addons[extension].preferences
+    preferences.skin_length_mm = 16.3
+    assert preferences.skin == "hexagons:16.3mm" and preferences.skin_kind == "hexagons"
+    bpy.context.scene.skin_calib.skin_kind = "usual"
+    assert draw(bpy, "link")[2:4] == ["skin_kind", "Hexagons: 16.3 mm"]
+    preferences.property_unset("skin")
+
+
 def test_refused_proposals_and_exports_state_the_reason(bpy, extension, robot, tmp_path):
     """An unknown skin, a link without skin, nothing to fit, and an export before the fit."""
     scene, link = bpy.context.scene, bpy.context.object
@@ -279,12 +310,12 @@ def test_refused_proposals_and_exports_state_the_reason(bpy, extension, robot, t
         bpy.ops.skin_calib.export_robot(directory=str(tmp_path / "out"))
     preferences = bpy.context.preferences.addons[extension].preferences
     preferences.skin = "felt"  # that of the scene has priority
-    with pytest.raises(RuntimeError, match="Error: 'felt' is not a skin. Write"):
+    with pytest.raises(RuntimeError, match="Error: 'felt' is not a skin. Choose kind"):
         bpy.ops.skin_calib.propose()
     preferences.property_unset("skin")
     scene.skin_calib.skin = "leather"
     for name in ("propose", "propose_all"):
-        with pytest.raises(RuntimeError, match="Error: 'leather' is not a skin. Write"):
+        with pytest.raises(RuntimeError, match="Error: 'leather' is not a skin. Choose kind"):
             getattr(bpy.ops.skin_calib, name)()
     assert not link.skin_calib.refusal
     link.skin_calib.skins.add().kind = "sheet"

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose
 
-from tests.blender.conftest import BOARDS, PLAN
+from tests.blender.conftest import BOARDS, PLAN, modules
 from tests.blender.test_registration import draw
 from tests.blender.test_replay import ours, record  # noqa: F401 (fixtures)
 from tests.examples import slow
@@ -23,9 +23,9 @@ def values(thing, name):
     return found
 
 
-def made(bpy):
+def made(bpy, **words):
     """Return the object with the taxels of the active link."""
-    assert bpy.ops.skin_calib.taxel_mesh() == {"FINISHED"}
+    assert bpy.ops.skin_calib.taxel_mesh(**words) == {"FINISHED"}
     return next(o for o in bpy.data.objects if o.name.endswith("_taxels"))
 
 
@@ -64,15 +64,69 @@ def test_second_call_replaces_the_faces(bpy, link):
     """After another fit the panel asks for it. The object keeps materials and modifiers, and the link stays active."""
     bpy.ops.skin_calib.fit()
     thing = made(bpy)
-    thing.data.materials.append(bpy.data.materials.new("skin"))
+    thing.data.materials[0] = bpy.data.materials.new("skin")
     assert STALE not in draw(bpy, "inspect")
     link.skin_calib.skins[0].rows = 3
     bpy.ops.skin_calib.fit()
     assert STALE in draw(bpy, "inspect")
     again = made(bpy)
     assert STALE not in draw(bpy, "inspect")
-    assert again == thing and len(thing.data.polygons) == 9 and thing.data.materials[0].name == "skin"
+    assert again == thing and len(thing.data.polygons) == 9 and [m.name for m in thing.data.materials] == ["skin"]
+    assert len(thing.modifiers) == 1
     assert bpy.context.object == link and not thing.skin_calib.link
+
+
+def colours_of(bpy, thing):
+    """Return the colours that nodes give the faces, which the material reads by their name, shape (n, 3)."""
+    evaluated = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    (material,) = thing.data.materials
+    name = next(node.attribute_name for node in material.node_tree.nodes if node.type == "ATTRIBUTE")
+    found = np.empty(4 * len(evaluated.data.polygons), np.float32)
+    evaluated.data.attributes[name].data.foreach_get("color", found)
+    linear = found.reshape(-1, 4)[:, :3]
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+@pytest.mark.parametrize("heat, signed", [("STRAIN", True), ("TILT", False)])
+def test_nodes_and_material_show_an_attribute_by_its_name(bpy, extension, plan_file, heat, signed):
+    """Its colours are those of the heat map, dark grey where it is unknown or misspelled; faces are over the link."""
+    scales, nodes = (modules(extension, name) for name in ("overlay.scales", "inspection.taxel_nodes"))
+    scales, nodes = scales.scales, nodes.taxel_nodes
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[*PLAN["skins"], BOARDS])))
+    bpy.ops.skin_calib.fit()
+    thing = made(bpy, heat=heat)
+    shown = values(thing, heat.lower())
+    legend = scales.Legend("", "FRACTION", np.nanmax(np.abs(shown)), signed)
+    assert_allclose(colours_of(bpy, thing), legend.colours(shown)[:, :3], atol=0.02)
+    unknown = np.broadcast_to(np.float32(scales.UNKNOWN), (len(shown), 3))
+    nodes.show(thing, "strian", 0.0, 1.0)
+    assert_allclose(colours_of(bpy, thing), unknown, atol=1e-6)
+    evaluated = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    raised = [(a.center - b.center).dot(b.normal) for a, b in zip(evaluated.polygons, thing.data.polygons)]
+    assert min(raised) > 1e-4 and np.ptp(raised) < 1e-6
+
+
+def test_undo_removes_the_taxels_with_nodes_and_material(bpy, link):
+    """And redo brings them back; what the heat map shows is the first choice."""
+    bpy.ops.skin_calib.fit()
+    link.skin_calib.inspect.heat = "TILT"
+    bpy.ops.ed.undo_push(message="start")
+    bpy.ops.skin_calib.taxel_mesh("EXEC_DEFAULT", True)
+    bpy.ops.ed.undo()
+    assert not [o for o in bpy.data.objects if o.name.endswith("_taxels")]
+    assert not bpy.data.materials and not bpy.data.node_groups
+    bpy.ops.ed.redo()
+    thing = next(o for o in bpy.data.objects if o.name.endswith("_taxels"))
+    assert np.ptp(colours_of(bpy, thing), axis=0).max() > 0.1
+
+
+def test_scale_of_forces_is_that_of_the_recording(bpy, extension, ours, link, record):  # noqa: F811
+    """A press of half the largest force has the middle colour, although the object was made before."""
+    bpy.ops.skin_calib.fit()
+    thing = made(bpy, heat="FORCE")
+    bpy.ops.skin_calib.replay_open(filepath=record())  # up to 6 N
+    bpy.context.scene.frame_set(round(0.25 * 24))  # 3 N on the third taxel
+    assert_allclose(colours_of(bpy, thing)[2], modules(extension, "overlay.scales").scales.RISING[2], atol=0.02)
 
 
 def test_forces_follow_the_timeline(bpy, ours, link, record):  # noqa: F811

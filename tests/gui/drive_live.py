@@ -1,5 +1,7 @@
-"""Drives a plan by the mouse with Live on: surface and skin change during a drag, and after undo."""
+"""Drives a plan with Live on: surface and skin change during a drag, after undo, and once enabled again."""
 
+import addon_utils
+import bpy
 from buttons import find, press
 from sample import open_steps, ours, plan, run, state, undo
 
@@ -18,6 +20,7 @@ def drive(gui):
     yield from gui.wait(lambda: plan().live and not plan().result.outdated, 30, "the first result")
     yield from follows_a_drag(gui)
     yield from follows_undo(gui)
+    yield from follows_once_enabled_again(gui)
 
 
 def follows_a_drag(gui):
@@ -45,3 +48,14 @@ def follows_undo(gui):
     assert plan().grid.n != now
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after undo")
     yield from gui.shot("undone.png")
+
+
+def follows_once_enabled_again(gui):
+    """The button Live is still pressed, and the skin is drawn and fitted again."""
+    name = next(a.module for a in bpy.context.preferences.addons if a.module.endswith(".skin_calib"))
+    addon_utils.disable(name)
+    yield from gui.redraw()
+    addon_utils.enable(name)
+    assert plan().live
+    yield from gui.wait(lambda: ours("scene.results").find(plan().result.key), 30, "the result after enabling")
+    yield from gui.shot("enabled.png")

@@ -10,13 +10,14 @@ from typing import Any
 import bpy
 from mathutils import Matrix, Quaternion, Vector
 
-from ..live.sketch import COLOURS, FAMILIES, MISSED
+from ...common.colours import SKY, VERMILLION
+from ..live.sketch import COLOURS, FAMILIES
 from ..scene.link_meshes import link_frame
 from ..scene.link_objects import why_not
 from ..scene.units import metres_per_unit
 from ..session import session
 
-DIAL_COLOURS = ((0.9, 0.3, 0.3), (0.3, 0.5, 1.0))
+DIAL_COLOURS = (VERMILLION[:3], SKY[:3])
 
 
 def listed(plan: Any, family: str) -> Any:
@@ -104,7 +105,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
         is_chosen = chosen(plan) == (family, i)
         arrow.draw_style = "NORMAL" if is_chosen else "BOX"
         arrow.length = 0.8 if is_chosen else 0.0
-        arrow.color = (MISSED if is_wrong else COLOURS[family])[:3]
+        arrow.color = (VERMILLION if is_wrong else COLOURS[family])[:3]
         arrow.matrix_basis = basis_at(context, Vector(plane.point) + Vector(arm) / metre, Vector(plane.normal))
 
     def tilt_axes(self, plan, plane):

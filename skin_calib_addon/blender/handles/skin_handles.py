@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Handles in the 3D view for skins: origins, landmarks and excluded zones move over the link, directions turn."""
 
+import math
 from typing import Any
 
 import bpy
 from mathutils import Matrix, Vector
 from mathutils.geometry import intersect_line_plane
 
+from ...common.colours import SKY, VERMILLION, YELLOW
 from ..overlay import drawing
 from ..scene.link_meshes import link_frame
 from ..scene.points_on_link import point_and_normal_under, ray_under
@@ -15,13 +17,17 @@ from ..scene.units import metres_per_unit
 from .plane_handles import basis_at, end_drag, is_shown, undo_drags
 
 COLOURS = {
-    "origin": (1.0, 0.85, 0.2),
-    "direction": (1.0, 0.85, 0.2),
-    "landmark": (0.2, 0.9, 1.0),
-    "zone": (1.0, 0.35, 0.2),
+    "origin": YELLOW[:3],
+    "direction": YELLOW[:3],
+    "landmark": SKY[:3],
+    "zone": VERMILLION[:3],
 }
 # Sizes of the handles, in units of the handle size of Blender's preferences. Larger: larger handles.
-BOX, ARROW = Matrix.Scale(0.08, 4), Matrix.Translation((0, 0, 0.2)) @ Matrix.Scale(0.8, 4)  # the arrow starts above
+ARROW = Matrix.Translation((0, 0, 0.2)) @ Matrix.Scale(0.8, 4)  # the arrow starts above the box
+BOX = Matrix.Scale(0.08, 4)
+# A box on an edge is a landmark, two crossed boxes are a zone.
+EDGE = BOX @ Matrix.Rotation(math.pi / 4, 4, (1, 1, 0))
+BOXES = {"origin": (BOX,), "landmark": (EDGE,), "zone": (BOX, EDGE)}
 
 Target = tuple[str, int, int]  # kind, index of the skin, index of its landmark or zone
 
@@ -49,7 +55,8 @@ class SKIN_GT_spot(bpy.types.Gizmo):
         if self.target[0] == "direction":
             self.draw_preset_arrow(self.matrix_world @ ARROW, select_id=select_id)
         else:
-            self.draw_preset_box(self.matrix_world @ BOX, select_id=select_id)
+            for box in BOXES[self.target[0]]:
+                self.draw_preset_box(self.matrix_world @ box, select_id=select_id)
 
     def invoke(self, context, _event):
         plan, (what, skin, index) = context.object.skin_calib, self.target

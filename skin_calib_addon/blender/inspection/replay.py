@@ -81,7 +81,7 @@ def known_forces(frame: Frame) -> Array:
 
 
 def _forces(replay: Replay, frame: Any) -> Layer:
-    note = "" if frame.known.all() else "grey: no reading"
+    note = "" if frame.known.all() else "dark grey: no reading"
     legend = Legend("Force", "FORCE", replay.strongest, note=note)
     return heat_layer("FORCE", replay.taxels, known_forces(frame), legend)
 

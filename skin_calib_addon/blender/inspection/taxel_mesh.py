@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The taxels of a fit as an object of Blender: a face for each, with named attributes.
+"""The taxels of a fit as an object of Blender: a face for each, with named attributes, and one of them in colours.
 
 Geometry Nodes, the spreadsheet, materials and renders use the attributes. The force follows the timeline while the link
 shows a recording.
@@ -16,19 +16,27 @@ from mathutils import Matrix
 from ...common.arrays import Array
 from ...geometry.mesh.distance import closest
 from ...pipeline import Calibrated
+from ..overlay.layers import raised_corners
+from ..overlay.scales import largest_size
 from ..scene.link_meshes import link_frame
 from ..scene.units import metres_per_unit
-from . import replay
+from . import replay, taxel_nodes
 from .replay import known_forces
 from .taxels import result_of, taxels_of
 
 OWNER = "skin_calib_link"  # custom property of the object: its link
 FIT = "skin_calib_fit"  # custom property of the object: key of the fit that its faces are of
 FORCE = "force"
+SIZE = 0.94  # of faces relative to their cells. Larger: narrower gaps between them
+# Attributes that are heat maps, by the name of these.
+OF_HEAT = {"ERROR": "error", "STRAIN": "strain", "TILT": "tilt", "UNCERTAINTY": "sigma", "FORCE": FORCE}
 
 
-def add_taxel_mesh(link: bpy.types.Object, context: bpy.types.Context) -> bpy.types.Object:
-    """Return an object with a face for each taxel of the last result; one that the link has gets the new faces."""
+def add_taxel_mesh(link: bpy.types.Object, context: bpy.types.Context, heat: str) -> bpy.types.Object:
+    """Return an object with a face for each taxel of the last result, in the colours of a heat map.
+
+    One that the link has gets the new faces, and keeps its materials and modifiers.
+    """
     result, taxels = result_of(link), taxels_of(link)
     thing = next(of_link(link), None)
     if thing is None:
@@ -55,7 +63,26 @@ def add_taxel_mesh(link: bpy.types.Object, context: bpy.types.Context) -> bpy.ty
         made.data.foreach_set("value", of_each.astype(number))
     thing.data.update()
     follow_timeline(context.scene)
+    height = np.linalg.norm(raised_corners(taxels) - taxels.corners, axis=2).max(initial=0.0)
+    taxel_nodes.prepare(thing, float(height), SIZE)
+    show(thing, OF_HEAT[heat])
     return thing
+
+
+def show(thing: bpy.types.Object, attribute: str) -> None:
+    """Show an attribute of an object with taxels, up to its largest value, or that of the recording."""
+    values = np.zeros(len(thing.data.polygons), np.float32)
+    thing.data.attributes[attribute].data.foreach_get("value", values)
+    recording = replay.find(thing[OWNER]) if attribute == FORCE else None
+    largest = (recording.strongest if recording else largest_size(values)) or 1.0
+    taxel_nodes.show(thing, attribute, -largest if attribute == OF_HEAT["STRAIN"] else 0.0, largest)
+
+
+def show_forces(link: bpy.types.Object) -> None:
+    """Extend the scale of objects that show forces to those of the recording of their link."""
+    for thing in of_link(link):
+        if taxel_nodes.shown(thing) == FORCE:
+            show(thing, FORCE)
 
 
 def of_link(link: bpy.types.Object) -> Iterator[bpy.types.Object]:

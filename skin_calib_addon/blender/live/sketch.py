@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from ...common.arrays import Array, unit
+from ...common.colours import GREEN, PINK, VERMILLION, YELLOW
 from ...common.errors import InvalidPlan
 from ...geometry.grid.grids import PlanesGrid
 from ...geometry.mesh.clustering import coarse_mesh
@@ -19,9 +20,8 @@ from ...geometry.sampling.sections import cut_sections
 from ..overlay.layers import Layer
 from ..scene.plane_lists import FAMILIES, HandPlanes
 
-COLOURS = {"CUT": (1.0, 0.3, 0.9, 1.0), "U": (1.0, 0.65, 0.1, 1.0), "V": (0.3, 0.9, 0.4, 1.0)}
-REMOVED = (0.9, 0.1, 0.1, 0.35)
-MISSED = (1.0, 0.0, 0.0, 1.0)
+COLOURS = {"CUT": PINK, "U": YELLOW, "V": GREEN}
+REMOVED = (*VERMILLION[:3], 0.4)
 # Half side of the square that shows a plane without a section, relative to the size of the mesh.
 SQUARE = 0.3
 MAX_SECTIONS = 300  # kept of one mesh. Larger: more memory; smaller: sections of planes that did not move are cut again
@@ -163,7 +163,7 @@ def _draw(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPlanes, m
             squares.append(_square(points[i], normals[i], SQUARE * mesh.size))
     sketch.layers.append(Layer("PLANES", np.concatenate(sections).astype(np.float32), colour=COLOURS[family]))
     if squares:
-        sketch.layers.append(Layer("PLANES", np.concatenate(squares).astype(np.float32), colour=MISSED, width=2.0))
+        sketch.layers.append(Layer("PLANES", np.concatenate(squares).astype(np.float32), colour=VERMILLION, width=2.0))
 
 
 def _arm(point: Array, normal: Array, ends: Array) -> Array:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw the layers of the fitted links over the 3D view."""
+"""Draw the layers of the fitted links over the 3D view, and over pictures of it."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
@@ -11,14 +11,15 @@ from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
 from ...calibration.model import Patch
+from ...common.arrays import Array
 from ...pipeline import Calibrated
-from ..scene import results
+from ..scene import results, skins
 from ..scene.link_meshes import link_frame
 from ..scene.preferences import COLOURS, preferences
 from ..scene.units import metres_per_unit
 from ..session import session
 from . import labels, legend
-from .layers import Labels, Layer, Layers, layers_of
+from .layers import Labels, Layer, Layers, dashed, layers_of
 
 # Distance by which lines are drawn nearer to the eye, relative to their distance from it.
 # Larger: lines behind thin parts are visible; smaller: the facets hide their own lines.
@@ -29,7 +30,7 @@ MAX_WIDE_POINTS = 10000
 # Line width [pixels] from which on wide lines are drawn nevertheless. Larger: wide lines of large layers stay thin.
 MAX_PLAIN_WIDTH = 2.0
 HEAT_MAPS = {"ERROR", "STRAIN", "TILT", "UNCERTAINTY", "FORCE"}
-FORCE_LAYERS = {"CONTACTS", "COP", "POLYGONS"}  # drawn with the forces
+FORCE_LAYERS = {"CONTACTS", "NUMBERS", "COP", "POLYGONS"}  # drawn with the forces
 SWITCHABLE = (
     HEAT_MAPS | FORCE_LAYERS | {name.upper() for name in COLOURS} | {"PLANES"}
 )  # drawn only if they are switched on
@@ -81,6 +82,14 @@ def patches_of(link: Any) -> Sequence[Patch]:
     return drawn.patches if drawn and len(drawn.patches) == len(link.skin_calib.skins) else ()
 
 
+def frame_of(skin: Any) -> tuple[Array, Array] | None:
+    """Return the tangents of the surface that is drawn now at the origin of a skin; None without a surface there."""
+    drawn = layers_now(skin.id_data)
+    surfaces = drawn.surfaces if drawn else {}
+    surface = surfaces.get(skin.surface) or next(iter(surfaces.values()), None)
+    return surface and skins.frame_of(skin, surface, metres_per_unit(bpy.context.scene))
+
+
 def switched_on(link: Any) -> set[str]:
     """Return the names of the layers that are switched on for an object."""
     plan = link.skin_calib
@@ -106,8 +115,8 @@ def _visible_links() -> Iterator[tuple[Any, list[Layer]]]:
                 yield link, layers
 
 
-def _draw() -> None:
-    """Draw lines and surfaces in the space of the scene."""
+def draw(zoom: float = 1.0) -> None:
+    """Draw lines and surfaces in the space of the scene, on ``zoom`` times as many pixels as the region is wide."""
     context = bpy.context
     view, unit = context.region_data, Matrix.Scale(1 / metres_per_unit(context.scene), 4)
     gpu.state.blend_set("ALPHA")
@@ -116,26 +125,36 @@ def _draw() -> None:
         for link, layers in _visible_links():
             with gpu.matrix.push_pop():
                 gpu.matrix.load_matrix(_offset(view) @ view.view_matrix @ link_frame(link) @ unit)
-                _draw_layers(layers, link.skin_calib.inspect)
+                _draw_layers(layers, link.skin_calib.inspect, zoom)
     finally:
         gpu.state.blend_set("NONE")
         gpu.state.depth_test_set("NONE")
         gpu.state.depth_mask_set(True)
 
 
-def _write() -> None:
-    """Draw labels and legends in pixels, over everything."""
+def write(zoom: float = 1.0, is_picture: bool = False) -> None:
+    """Draw labels and legends in pixels, over everything; those of a picture have all lines."""
     context = bpy.context
-    unit, area = Matrix.Scale(1 / metres_per_unit(context.scene), 4), legend.LegendArea(context)
+    unit, area = Matrix.Scale(1 / metres_per_unit(context.scene), 4), legend.LegendArea(context, zoom, is_picture)
     for link, layers in _visible_links():
         settings, name = link.skin_calib.inspect, link.skin_calib.link
         if is_of_last_fit(link):
             name += ": last fit, before the change"
         for layer in layers:
             if isinstance(layer, Labels):
-                labels.write(layer, settings, link_frame(link) @ unit)
+                labels.write(layer, settings, link_frame(link) @ unit, zoom)
             if layer.legend:
                 area.draw(layer.legend, name)
+        area.draw_lines(list(_meanings(layers, is_picture)), name)
+
+
+def _meanings(layers: list[Layer], with_all: bool) -> Iterator[legend.LineStyle]:
+    """Yield the meaning of each style of lines; of those that a menu names only ``with_all``."""
+    words = {name.upper(): label for name, (label, _) in COLOURS.items()} if with_all else {}
+    for layer in layers:
+        meaning = layer.words or words.get(layer.what, "")
+        if meaning and len(layer.points):
+            yield _colour(layer), WIDTHS.get(layer.what, layer.width), layer.dash > 0, meaning
 
 
 def _offset(view: Any) -> Matrix:
@@ -145,9 +164,9 @@ def _offset(view: Any) -> Matrix:
     return Matrix.Translation((0, 0, LINE_OFFSET * view.view_distance))
 
 
-def _draw_layers(layers: list[Layer], settings: Any) -> None:
-    size = (bpy.context.region.width, bpy.context.region.height)
-    thickness = settings.line_width * preferences().line_width * bpy.context.preferences.system.pixel_size
+def _draw_layers(layers: list[Layer], settings: Any, zoom: float) -> None:
+    size = (zoom * bpy.context.region.width, zoom * bpy.context.region.height)
+    thickness = zoom * settings.line_width * preferences().line_width * bpy.context.preferences.system.pixel_size
     metre = metres_per_unit(bpy.context.scene)
     for layer in layers:
         if isinstance(layer, Labels) or not len(layer.points):
@@ -165,7 +184,7 @@ def _draw_layers(layers: list[Layer], settings: Any) -> None:
         layer.batch.draw(shader)
 
 
-def _line_shader(layer: Layer, size: tuple[int, int], width: float) -> Any:
+def _line_shader(layer: Layer, size: tuple[float, float], width: float) -> Any:
     """Return the shader for the lines of a layer, with its colour and width."""
     is_plain = len(layer.points) > MAX_WIDE_POINTS and width <= MAX_PLAIN_WIDTH
     shader = gpu.shader.from_builtin("UNIFORM_COLOR" if is_plain else "POLYLINE_UNIFORM_COLOR")
@@ -185,7 +204,9 @@ def _batch(layer: Layer, shader: Any, length: float) -> Any:
     if layer.colours is not None:
         arrays = {"pos": layer.points, "color": layer.colours}
         return batch_for_shader(shader, "TRIS", arrays, indices=layer.indices)
-    points = layer.points if layer.directions is None else layer.points + length * layer.directions
+    points = dashed(layer.points, layer.dash) if layer.dash else layer.points
+    if layer.directions is not None:
+        points = points + length * layer.directions
     return batch_for_shader(shader, "LINES", {"pos": points})
 
 
@@ -200,8 +221,8 @@ def redraw() -> None:
 def register() -> None:
     """Draw in every 3D view."""
     add = bpy.types.SpaceView3D.draw_handler_add
-    _handles.append(add(_draw, (), "WINDOW", "POST_VIEW"))
-    _handles.append(add(_write, (), "WINDOW", "POST_PIXEL"))
+    _handles.append(add(draw, (), "WINDOW", "POST_VIEW"))
+    _handles.append(add(write, (), "WINDOW", "POST_PIXEL"))
 
 
 def unregister() -> None:

@@ -21,16 +21,16 @@ MAX_LABELS = 1500
 MAX_COLUMNS = 2**20  # Derived: more than the cells in a row of any region
 
 
-def write(layer: Labels, settings: Any, frame: Any) -> None:
+def write(layer: Labels, settings: Any, frame: Any, zoom: float) -> None:
     """Write the labels of an object's taxels in the region that Blender draws now."""
     context = bpy.context
     region = context.region
     texts = layer.ids if settings.labels == "ID" else layer.channels
-    text_size = settings.text_size * preferences().text_size * context.preferences.system.ui_scale
+    text_size = zoom * settings.text_size * preferences().text_size * context.preferences.system.ui_scale
     blf.size(0, text_size)
     widest = blf.dimensions(0, max(texts, key=len, default=""))[0]
     size = np.array((widest * LABEL_SPACING[0], text_size * LABEL_SPACING[1]))
-    pixels, eligible = on_screen(layer, frame, context.region_data, (region.width, region.height))
+    pixels, eligible = on_screen(layer, frame, context.region_data, (zoom * region.width, zoom * region.height))
     blf.color(0, 1.0, 1.0, 1.0, 1.0)
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 3, 0.0, 0.0, 0.0, 0.9)
@@ -41,7 +41,7 @@ def write(layer: Labels, settings: Any, frame: Any) -> None:
     blf.disable(0, blf.SHADOW)
 
 
-def on_screen(layer: Labels, frame: Any, view: Any, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+def on_screen(layer: Labels, frame: Any, view: Any, size: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Return the positions of the taxels in a region, and which of them are visible."""
     to_clip = np.array(view.perspective_matrix @ frame, np.float32)
     clip = layer.points @ to_clip[:, :3].T + to_clip[:, 3]

@@ -9,8 +9,10 @@ import numpy as np
 
 from ...calibration.model import Patch
 from ...common.arrays import ranges
+from ...common.colours import GREEN, PINK, SKY, VERMILLION, VIOLET, WHITE, YELLOW
 from ...geometry.sampling.planes import Planes, perpendicular
 from ...geometry.sampling.sections import cut_sections
+from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.distance import dense_lines
 from ...inspection.all_taxels import AllTaxels
 from ...inspection.comparison import Comparison
@@ -34,22 +36,11 @@ MAX_PLANE_DEVIATION = 1e-4
 MARK_SIZE = 0.08
 # [rad] End of the scale of tilts. Larger: cells at an edge, up to 90 degrees, leave one colour to the others.
 MAX_TILT = np.deg2rad(45.0)
-WHITE = (1.0, 1.0, 1.0, 1.0)
-PINK = (1.0, 0.2, 0.8, 1.0)
-RED = (1.0, 0.15, 0.1, 1.0)
-# Of contacts by their number, and of supporting polygons.
-CONTACT_COLOURS = (
-    (1.0, 0.3, 0.2, 1.0),
-    (0.2, 0.8, 1.0, 1.0),
-    (1.0, 0.8, 0.1, 1.0),
-    (0.9, 0.4, 1.0, 1.0),
-    (0.4, 1.0, 0.4, 1.0),
-)
-POLYGON_COLOURS = {
-    "outer": (0.7, 0.75, 0.8, 1.0),
-    "nominal": (0.15, 0.45, 1.0, 1.0),
-    "guaranteed": (0.15, 0.8, 0.3, 1.0),
-}
+CONTACT_COLOURS = (VERMILLION, SKY, YELLOW, VIOLET, GREEN)  # by their number, which is written next to them
+# Colour and width [pixels] of supporting polygons, and whether they are dashed.
+POLYGONS = {"outer": (WHITE, 1.5, True), "nominal": (SKY, 2.5, True), "guaranteed": (GREEN, 4.0, False)}
+TOUCHES = {False: (SKY, "touch"), True: (VERMILLION, "touch far from its taxel")}  # the latter are dashed
+DASH = 0.25  # length of a dash relative to the width of a cell. Larger: short lines have one dash only
 
 
 @dataclass(eq=False)
@@ -67,6 +58,8 @@ class Layer:
     length: float = 0.0  # of normals by default [m]
     colour: tuple[float, float, float, float] | None = None  # of lines that no menu controls
     width: float = 1.5  # of these lines [pixels]
+    dash: float = 0.0  # length of the dashes of these lines [m]; 0: they are solid
+    words: str = ""  # meaning of these lines
     on_top: bool = False  # drawn over everything
     legend: Legend | None = None
     batch: Any = None
@@ -89,6 +82,7 @@ class Layers:
     def __init__(self, placed: Sequence[Any], taxels: AllTaxels, makers: dict[str, Callable[[], Layer]]):
         self.patches, self.taxels = tuple(done.patch for done in placed), taxels
         self.disabled_patches: tuple[Patch | None, ...] = tuple(done.disabled for done in placed)
+        self.surfaces: dict[str, BSplineSurface] = {}  # by their names
         self._makers, self._made = makers, dict[str, Layer]()
 
     @property
@@ -113,7 +107,7 @@ def layers_of(result: Any, is_preview: bool = False) -> Layers:
     """Return all layers of a result."""
     fits, taxels = tuple(result.fits.values()), AllTaxels.of([done.patch for done in result.placed])
     disabled = AllTaxels.of([done.disabled for done in result.placed if done.disabled is not None])
-    return Layers(
+    layers = Layers(
         result.placed,
         taxels,
         {
@@ -127,7 +121,11 @@ def layers_of(result: Any, is_preview: bool = False) -> Layers:
             "SURFACE": lambda: Layer("SURFACE", _each(fits, _surface_lines)),
             "CELLS": lambda: Layer("CELLS", _segments(_closed(raised_corners(taxels).astype(np.float32)))),
             **(
-                {"DISABLED": lambda: Layer("DISABLED", crossed_out(disabled), colour=RED, width=3.0)}
+                {
+                    "DISABLED": lambda: Layer(
+                        "DISABLED", crossed_out(disabled), colour=VERMILLION, width=3.0, words="disabled"
+                    )
+                }
                 if disabled.ids
                 else {}
             ),
@@ -135,6 +133,8 @@ def layers_of(result: Any, is_preview: bool = False) -> Layers:
             "LABELS": lambda: labels_of(taxels),
         },
     )
+    layers.surfaces = {name: fit.surface for name, fit in result.fits.items()}
+    return layers
 
 
 def _each(fits: Sequence[Any], lines: Callable[[Any], np.ndarray]) -> np.ndarray:
@@ -182,7 +182,7 @@ def _error(fits: Sequence[Any], is_preview: bool) -> Layer:
     """
     grids = [(_sampled_errors if is_preview else _errors)(fit) for fit in fits]
     errors = np.concatenate([values.ravel() for _, values in grids])
-    note = "grey: no mesh there" if np.isnan(errors).any() else ""
+    note = "dark grey: no mesh there" if np.isnan(errors).any() else ""
     legend = Legend("Distance to the mesh", "LENGTH", largest_size(errors), note=note)
     parts = [_coloured(fit, *grid, legend) for fit, grid in zip(fits, grids)]
     points, colours, triangles = zip(*parts)
@@ -234,12 +234,12 @@ def _coloured(
 
 def _strain(taxels: AllTaxels) -> Layer:
     values = taxels.stretch
-    note = "grey: boards do not stretch" if np.isnan(values).any() else ""
+    note = "dark grey: boards do not stretch" if np.isnan(values).any() else ""
     return heat_layer("STRAIN", taxels, values, Legend("Strain", "FRACTION", largest_size(values), True, note))
 
 
 def _tilt(taxels: AllTaxels) -> Layer:
-    note = "grey: no neighbour" if np.isnan(taxels.tilt).any() else ""
+    note = "dark grey: no neighbour" if np.isnan(taxels.tilt).any() else ""
     largest = largest_size(taxels.tilt)
     legend = Legend("Tilt to a neighbour", "ANGLE", min(largest, MAX_TILT), note=note, exceeded=largest > MAX_TILT)
     return heat_layer("TILT", taxels, taxels.tilt, legend)
@@ -247,7 +247,7 @@ def _tilt(taxels: AllTaxels) -> Layer:
 
 def _uncertainty(taxels: AllTaxels) -> Layer:
     along = taxels.sigma[:, 0]
-    note = "grey: unknown" if np.isnan(along).any() else ""
+    note = "dark grey: unknown" if np.isnan(along).any() else ""
     legend = Legend("Uncertainty along the surface", "LENGTH", largest_size(along), note=note)
     return heat_layer("UNCERTAINTY", taxels, along, legend)
 
@@ -350,9 +350,11 @@ def mark_of(taxels: AllTaxels, row: int) -> tuple[Layer, ...]:
     tip = taxels.positions[row] + 1.5 * taxels.width * taxels.normals[row]
     stick = np.stack((taxels.positions[row], tip))
     return (
-        Layer("MARKED", _segments(corners[neighbours]), colour=(1.0, 0.75, 0.1, 1.0), width=3.0),
-        Layer("MARKED", _segments(corners[row : row + 1]), colour=(0.1, 1.0, 1.0, 1.0), width=4.5),
-        Layer("MARKED", _single(stick), colour=(0.1, 1.0, 1.0, 1.0), width=3.0),
+        Layer(
+            "MARKED", _segments(corners[neighbours]), colour=YELLOW, width=3.0, words=f"neighbours of {taxels.ids[row]}"
+        ),
+        Layer("MARKED", _segments(corners[row : row + 1]), colour=PINK, width=4.5, words=taxels.ids[row]),
+        Layer("MARKED", _single(stick), colour=PINK, width=3.0),
     )
 
 
@@ -381,32 +383,29 @@ def comparison_of(taxels: AllTaxels, found: Comparison) -> tuple[Layer, ...]:
     """Return lines from each taxel to its own in the file, and the outline of the taxel with the largest distance."""
     farthest = taxels.rows[found.worst]
     return (
-        Layer("COMPARED", _single(found.ends), colour=(1.0, 0.25, 0.9, 1.0), width=3.0),
-        Layer(
-            "COMPARED",
-            _segments(_closed(raised_corners(taxels)[farthest : farthest + 1])),
-            colour=(1.0, 0.25, 0.9, 1.0),
-            width=3.0,
-        ),
+        Layer("COMPARED", _single(found.ends), colour=PINK, width=3.0, words="to the taxel of the file"),
+        Layer("COMPARED", _segments(_closed(raised_corners(taxels)[farthest : farthest + 1])), colour=PINK, width=3.0),
     )
 
 
 def touches_of(found: Sequence[Placement]) -> tuple[Layer, ...]:
-    """Return lines from the taxels to the points of their touches; those that are far away have another colour."""
-    colours = {False: (0.2, 0.9, 1.0, 1.0), True: (1.0, 0.2, 0.2, 1.0)}
+    """Return lines from the taxels to the points of their touches; those that are far away are dashed."""
     layers = []
     for placement in found:
         ends = np.stack((placement.patch.taxels.positions_link[placement.rows], placement.places), axis=1)
         far = np.isin(np.arange(len(ends)), placement.outliers)
-        for is_far, colour in colours.items():
+        for is_far, (colour, words) in TOUCHES.items():
             if (far == is_far).any():
-                layers.append(Layer("TOUCHED", _single(ends[far == is_far]), colour=colour, width=3.0))
+                dash = is_far * DASH * min(placement.patch.pitch)
+                layers.append(
+                    Layer("TOUCHED", _single(ends[far == is_far]), colour=colour, width=3.0, dash=dash, words=words)
+                )
     return tuple(layers)
 
 
 def replay_lines(taxels: AllTaxels, frame: Frame) -> tuple[Layer, ...]:
     """Return the lines of a frame of a recording: contacts with positions, CoP and supporting polygons."""
-    layers = [
+    layers: list[Layer] = [
         Layer(
             "CONTACTS",
             _single(taxels.outline(c.taxels)),
@@ -415,19 +414,42 @@ def replay_lines(taxels: AllTaxels, frame: Frame) -> tuple[Layer, ...]:
         )
         for c in frame.contacts
     ]
-    crosses = [_cross(c.position, c.normal, taxels.width) for c in frame.contacts if c.normal.any()]
-    if crosses:
-        layers.append(Layer("COP", _single(np.concatenate(crosses)), colour=WHITE, width=2.5))
+    located = [c for c in frame.contacts if c.normal.any()]
+    if located:
+        crosses = [_cross(c.position, c.normal, taxels.width) for c in located]
+        layers.append(Layer("COP", _single(np.concatenate(crosses)), colour=WHITE, width=2.5, words="contact"))
+        numbers = tuple(str(c.number) for c in located)
+        tips = np.array([c.position + 1.4 * taxels.width * c.normal for c in located])
+        layers.append(
+            Labels(
+                "NUMBERS",
+                _single(tips),
+                normals=_single(np.array([c.normal for c in located])),
+                ids=numbers,
+                channels=numbers,
+                order=np.arange(len(located)),
+            )
+        )
     ground = frame.ground
     if ground is not None:
-        for name, colour in POLYGON_COLOURS.items():
+        for name, (colour, width, is_dashed) in POLYGONS.items():
             loop = ground.plane.spatial(getattr(frame.polygon, name).corners)
-            ends = np.stack((loop, np.roll(loop, -1, axis=0)), axis=1)
-            layers.append(Layer("POLYGONS", _single(ends), colour=colour, width=2.5, on_top=True))
+            ends, dash = np.stack((loop, np.roll(loop, -1, axis=0)), axis=1), is_dashed * DASH * taxels.width
+            style = {"colour": colour, "width": width, "dash": dash, "words": f"{name} polygon", "on_top": True}
+            layers.append(Layer("POLYGONS", _single(ends), **style))
         if frame.cop is not None:
             mark = _cross(ground.plane.spatial(frame.cop), -ground.plane.axes[2], taxels.width)
-            layers.append(Layer("COP", _single(mark), colour=PINK, width=4.0, on_top=True))
+            layers.append(Layer("COP", _single(mark), colour=PINK, width=4.0, words="CoP", on_top=True))
     return tuple(layers)
+
+
+def dashed(points: np.ndarray, dash: float) -> np.ndarray:
+    """Return the ends (2 k, 3) of dashes of about ``dash`` [m] in segments (2 s, 3), which begin and end with one."""
+    ends = points.reshape(-1, 2, 3)
+    count = (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / (2 * dash)).astype(int)
+    which, k = np.repeat(np.arange(len(ends)), count + 1), ranges(0, count + 1)
+    at = np.stack((2 * k, 2 * k + 1), axis=1) / (2 * count + 1)[which, None]
+    return _single(ends[which, :1] + at[..., None] * (ends[which, 1:] - ends[which, :1]))
 
 
 def _cross(position: np.ndarray, normal: np.ndarray, size: float) -> np.ndarray:

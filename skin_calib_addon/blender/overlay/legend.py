@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw colour bars in the corner of a 3D view: the meaning of the colours of heat maps."""
+"""Draw legends in the corner of a 3D view: colour bars of heat maps, and what lines mean."""
 
 from typing import Any
 
@@ -18,9 +18,12 @@ LINE_HEIGHT = 16
 MARGIN = 14  # to the edges of the region
 TEXT_SIZE = 11
 TEXT_COLOUR = (1.0, 1.0, 1.0, 1.0)
-BACKGROUND = (0.05, 0.05, 0.05, 0.6)
+BACKGROUND = (0.05, 0.05, 0.05, 0.85)
 TICKS = 3  # numbers under a colour bar. Larger: wider bars
 TICK_GAP = 8  # between two numbers
+SAMPLE = ((0, 24), (0, 9, 15, 24))  # ends of a line in a legend, and of a dashed one
+
+LineStyle = tuple[tuple[float, ...], float, bool, str]  # colour, width [pixels], whether it is dashed, meaning
 
 
 class LegendArea:
@@ -29,10 +32,11 @@ class LegendArea:
     A row at the lower left corner, next to the tools and above the redo panel.
     """
 
-    def __init__(self, context: Any):
+    def __init__(self, context: Any, zoom: float, is_picture: bool):
         self.units = context.scene.unit_settings
-        self.pixel = context.preferences.system.ui_scale
-        right, top = _covered(context)
+        self.pixel = zoom * context.preferences.system.ui_scale
+        self.size = (zoom * context.region.width, zoom * context.region.height)
+        right, top = (0.0, 0.0) if is_picture else _covered(context)
         self.left, self.low = MARGIN * self.pixel + right, MARGIN * self.pixel + top
 
     def draw(self, legend: Legend, link: str) -> None:
@@ -57,6 +61,26 @@ class LegendArea:
             self._text("all zero" if not legend.note else "no values", 0, y)
         for k, word in enumerate(reversed(words)):
             self._text(word, 0, y + LINE_HEIGHT + BAR_SIZE[1] + 5 + k * LINE_HEIGHT)
+        self.left += (width + 24) * self.pixel
+
+    def draw_lines(self, styles: list[LineStyle], link: str) -> None:
+        """Draw samples of lines with their meanings, each once, and move to the right of them."""
+        rows = {words: style for *style, words in styles}
+        if not rows:
+            return
+        indent = SAMPLE[0][-1] + TICK_GAP
+        width = max(self._width(link), indent + max(map(self._width, rows)))
+        self._fill((-6, -6), (width + 12, (len(rows) + 1) * LINE_HEIGHT + 8), "shade")
+        for k, (words, (colour, thickness, is_dashed)) in enumerate(reversed(rows.items())):
+            y = k * LINE_HEIGHT
+            points = [(self.left + x * self.pixel, self.low + (y + 4) * self.pixel, 0) for x in SAMPLE[is_dashed]]
+            shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
+            shader.uniform_float("color", (*colour[:3], 1.0))
+            shader.uniform_float("viewportSize", self.size)
+            shader.uniform_float("lineWidth", thickness * self.pixel)
+            batch_for_shader(shader, "LINES", {"pos": np.array(points, np.float32)}).draw(shader)
+            self._text(words, indent, y)
+        self._text(link, 0, len(rows) * LINE_HEIGHT)
         self.left += (width + 24) * self.pixel
 
     def _width(self, text: str) -> float:

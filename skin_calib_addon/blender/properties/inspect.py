@@ -11,6 +11,15 @@ from .millimetres import with_millimetres
 from .options import FIXED, angle, choice, flag, length, many, number, text, vector, whole
 from .warning import SKIN_PG_warning
 
+HEAT_MAPS = [
+    ("NONE", "None", "No colours"),
+    ("ERROR", "Error", "Distance from surface to mesh, as in the step Fit"),
+    ("STRAIN", "Strain", "The larger of the strains of a cell along and across its row"),
+    ("TILT", "Tilt", "The largest angle between a taxel and a neighbour"),
+    ("UNCERTAINTY", "Uncertainty", "Standard uncertainty of the position of a taxel along the surface"),
+    ("FORCE", "Force", "Forces, contacts, CoP and supporting polygons of a replayed recording"),
+]
+
 
 def _find(record, context):
     """Read the taxel whose name was typed."""
@@ -120,14 +129,7 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
     heat: choice(
         name="Heat Map",
         description="What the colours show",
-        items=[
-            ("NONE", "None", "No colours"),
-            ("ERROR", "Error", "Distance from surface to mesh, as in the step Fit"),
-            ("STRAIN", "Strain", "The larger of the strains of a cell along and across its row"),
-            ("TILT", "Tilt", "The largest angle between a taxel and a neighbour"),
-            ("UNCERTAINTY", "Uncertainty", "Standard uncertainty of the position of a taxel along the surface"),
-            ("FORCE", "Force", "Forces, contacts, CoP and supporting polygons of a replayed recording"),
-        ],
+        items=HEAT_MAPS,
     )
     labels: choice(
         name="Labels",

@@ -10,6 +10,8 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 from ...common.errors import InvalidPlan
 from ...plan import keys
 from ..live import updates
+from ..overlay import drawing
+from ..scene import skins
 from ..scene.fields import read_cells
 from . import inspect as inspect_properties
 from . import warning
@@ -61,6 +63,17 @@ def _check_cells(skin: Any, context: Any) -> None:
         skin.cells_wrong = True
 
 
+def _turn(skin: Any) -> float:
+    frame = drawing.frame_of(skin)
+    return skins.row_angle(skin, frame) if frame else 0.0
+
+
+def _set_turn(skin: Any, angle: float) -> None:
+    frame = drawing.frame_of(skin)
+    if frame:
+        skins.turn_rows(skin, frame, angle)
+
+
 @of_keys(keys.LANDMARK)
 class SKIN_PG_landmark(bpy.types.PropertyGroup):
     """A cell that is pinned to a point."""
@@ -86,6 +99,17 @@ class SKIN_PG_skin(bpy.types.PropertyGroup):
         description="Boards stay off the faces of this vertex group, as it is at each fit. A plan file has excluded "
         "zones over these faces",
         **PLAN,
+    )
+    turn: FloatProperty(
+        name="Direction",
+        description="Angle from the lines of the surface, in v, to the row of the origin, counter-clockwise seen from "
+        "outside. The plan keeps the direction as a vector",
+        subtype="ANGLE",
+        precision=3,
+        step=100,
+        get=_turn,
+        set=_set_turn,
+        **FIXED,
     )
     opened: flag(name="Open", description="Show what this skin has, in a list of several")
     cells: text(

@@ -7,23 +7,10 @@ import bpy
 from bpy.props import PointerProperty
 
 from ...proposal.skins import FORMS
-from ..scene import robots
+from ..scene import robots, skin_choice
 from ..scene.link_objects import why_not
 from .of_keys import tooltip
 from .options import flag, text, whole
-
-# Skins of the field, with a hint: those that laboratories have.
-PRESETS = (
-    ("hexagons", "boards of TUM, sides of 16.3 mm"),
-    ("hexagons:8mm", "small boards"),
-    ("sheet:6x22x10mm", "sheet of AIST, 6 rows of 22 taxels"),
-)
-
-
-def _presets(_robot: Any, _context: Any, text: str) -> list[tuple[str, str]]:
-    """Return the presets that contain what was typed; all of them for a complete preset."""
-    names = [name for name, _ in PRESETS]
-    return [(name, hint) for name, hint in PRESETS if text in names or text.lower() in name]
 
 
 def _skin_changed(robot: Any, _context: Any) -> None:
@@ -40,8 +27,6 @@ class SKIN_PG_robot(bpy.types.PropertyGroup):
         name="Skin",
         description=f"Skin that is proposed for links; empty: that of the preferences. {tooltip(FORMS)}",
         update=_skin_changed,
-        search=_presets,
-        search_options={"SUGGESTION"},
     )
     robot: flag(name="Robot", description="Whether Robot is open", default=True)
     row: whole(
@@ -50,6 +35,9 @@ class SKIN_PG_robot(bpy.types.PropertyGroup):
         get=lambda robot: robots.active_row(robot.id_data),
         set=lambda robot, index: robots.select_row(robot.id_data, index),
     )
+
+
+SKIN_PG_robot.__annotations__ |= skin_choice.fields_of(is_scene=True)
 
 
 def register():

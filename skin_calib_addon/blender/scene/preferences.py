@@ -6,17 +6,19 @@ from typing import Any
 import bpy
 from bpy.props import FloatProperty, FloatVectorProperty, StringProperty
 
+from ...common.colours import GREEN, SKY, VERMILLION, VIOLET, WHITE, YELLOW
 from ...proposal.skins import DEFAULT_SKIN, FORMS
+from .skin_choice import SIZES, fields_of
 
 PACKAGE = __package__.partition(".skin_calib_addon")[0]
 # Lines that have a colour, and their first colour.
 COLOURS = {
-    "sections": ("Sections", (1.0, 0.6, 0.1, 0.9)),
-    "lines": ("V-Lines", (0.3, 0.85, 0.4, 0.8)),
-    "net": ("Net", (0.85, 0.45, 0.95, 0.8)),
-    "surface": ("Surface", (0.35, 0.65, 1.0, 0.6)),
-    "cells": ("Cells", (1.0, 1.0, 1.0, 0.9)),
-    "normals": ("Normals", (0.95, 0.2, 0.2, 1.0)),
+    "sections": ("Sections", (*YELLOW[:3], 0.9)),
+    "lines": ("V-Lines", (*GREEN[:3], 0.9)),
+    "net": ("Net", (*VIOLET[:3], 0.9)),
+    "surface": ("Surface", (*SKY[:3], 0.6)),
+    "cells": ("Cells", (*WHITE[:3], 0.9)),
+    "normals": ("Normals", VERMILLION),
 }
 
 
@@ -28,7 +30,7 @@ def redraw(_preferences: Any, context: bpy.types.Context) -> None:
 
 
 def _colour(label: str, first: tuple[float, ...]) -> Any:
-    words = {"name": label, "description": f"Colour of {label}", "subtype": "COLOR"}
+    words = {"name": label, "description": f"Colour of {label}", "subtype": "COLOR_GAMMA"}  # as it is drawn
     return FloatVectorProperty(size=4, default=first, min=0, max=1, update=redraw, **words)
 
 
@@ -41,7 +43,10 @@ class SKIN_AP_preferences(bpy.types.AddonPreferences):
         """Draw colours, sizes and the skin."""
         layout = self.layout
         layout.use_property_split = True
-        layout.prop(self, "skin")
+        column = layout.column(align=True)
+        column.prop(self, "skin_kind")
+        for name, label in SIZES[self.skin_kind].items():
+            column.prop(self, name, text=label)
         layout.prop(self, "line_width")
         layout.prop(self, "text_size")
         column = layout.column(heading="Colours")
@@ -56,6 +61,7 @@ SKIN_AP_preferences.__annotations__ = {
         description=f"Skin that is proposed in scenes that state none. {FORMS.removesuffix('.')}",
         default=DEFAULT_SKIN,
     ),
+    **fields_of(is_scene=False),
     "line_width": FloatProperty(
         name="Line Width",
         description="Width of all lines, as a factor",

@@ -3,6 +3,7 @@
 
 import json
 from dataclasses import replace
+from functools import lru_cache
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...calibration.model import TaxelArray
-from ...common.arrays import unit
+from ...common.arrays import Array, unit
 from ...common.errors import SkinCalibError
 from ...geometry.surface.bspline import BSplineSurface
 from ...pipeline.sources import relative_path
@@ -18,10 +19,11 @@ from ...plan.checks import about_skin
 from ...plan.document import skin_kind
 from ...plan.keys import SKIN_KINDS, SKINS_OF
 from ...plan.skins import BoardSkin, ImportedSkin, SheetSkin, Skin
+from ...skin.sheet.constraints import row_axis
 from ...skin.sheet.wrap import root_of
 from . import fields
 from .face_groups import zones_of
-from .units import in_units
+from .units import in_units, vector
 
 
 def read_skin(group: Any, metre: float) -> Skin:
@@ -64,6 +66,38 @@ def turn_along_lines(skin: Any, surface: BSplineSurface) -> None:
     """
     along = unit(surface.derivatives(root_of(surface, None)[None])[0, 1, 0])
     skin.direction = np.round(-along if along @ np.array(skin.direction) < 0 else along, 3)
+
+
+@lru_cache(maxsize=16)  # panels ask for it in each redraw
+def _frame_at(surface: BSplineSurface, origin: tuple[float, ...] | None) -> tuple[Array, Array]:
+    """Return unit tangents at the point nearest to an origin: along the lines, and to their left seen from outside."""
+    uv = root_of(surface, origin)
+    along = row_axis(surface, uv, surface.derivatives(uv[None])[0, 1, 0])
+    return along, np.cross(surface.normals(uv[None])[0], along)
+
+
+def frame_of(skin: Any, surface: BSplineSurface, metre: float) -> tuple[Array, Array] | None:
+    """Return these tangents at the origin of a skin; None if it is away from the surface."""
+    origin = None if skin.centred else tuple(vector(skin.origin, metre))
+    if skin.kind == "sheet" and skin.landmarks:
+        origin = tuple(vector(skin.landmarks[0].point, metre))
+    try:
+        return _frame_at(surface, origin)
+    except SkinCalibError:
+        return None
+
+
+def row_angle(skin: Any, frame: tuple[Array, Array]) -> float:
+    """Return the angle from the lines of a surface to the rows of a skin, counter-clockwise seen from outside [rad]."""
+    along, left = (np.array(skin.direction) @ tangent for tangent in frame)
+    return float(np.arctan2(left, along))
+
+
+def turn_rows(skin: Any, frame: tuple[Array, Array], angle: float) -> None:
+    """Set the direction of a skin by this angle [rad]."""
+    along, left = frame
+    skin.direction = np.round(np.cos(angle) * along + np.sin(angle) * left, 6)
+    skin.auto_direction = False
 
 
 def seen_from(folder: Path, skins: tuple[Skin, ...]) -> tuple[Skin, ...]:

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ...common.arrays import Array, IntArray
+from ...common.packages import how_to_install
 from .expansion import check_faces, check_nodes
 from .polygons import triangulated
 
@@ -30,7 +31,7 @@ def read_dae(path: str | Path) -> tuple[Array, IntArray]:
     try:
         import collada
     except ImportError as error:
-        raise ImportError("this needs pycollada, which is not installed here: pip install pycollada") from error
+        raise ImportError(f"this needs pycollada, which is missing: {how_to_install('collada')}") from error
     with open(path, "rb") as file:
         root = ElementTree.parse(file, ElementTree.XMLParser(target=_Builder())).getroot()
     for parent in root.iter():

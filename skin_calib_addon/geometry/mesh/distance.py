@@ -1,6 +1,5 @@
 """The exact distance from points to a triangle mesh: the search is that of libigl, the result is ours."""
 
-import sys
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from ...common.arrays import Array, IntArray, cross, norms
 from ...common.errors import SkinCalibError
+from ...common.packages import how_to_install
 from .triangle_mesh import TriangleMesh
 
 # [1] height to length of a triangle below which only its sides are used, because its normal is only rounding.
@@ -39,8 +39,7 @@ def _tree_of(mesh: TriangleMesh) -> tuple[Any, IntArray]:
             import igl  # here: it takes time, and many commands need no distance
         except ImportError as error:
             raise SkinCalibError(
-                "Distances to a mesh need libigl, which this Python does not have. "
-                f"Run: {sys.executable} -m pip install libigl"
+                f"Distances to a mesh need libigl, which is missing: {how_to_install('igl')}"
             ) from error
         tree, faces = igl.AABB(), _with_segments(mesh)
         tree.init(mesh.vertices, faces)

@@ -182,5 +182,7 @@ def test_every_truncated_file_is_refused(tmp_path):
 
 def test_without_the_package_the_message_states_how_to_install_it(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "collada", None)
-    with pytest.raises(InvalidMesh, match=r"link.dae cannot be read: this needs pycollada.*pip install pycollada"):
+    with pytest.raises(
+        InvalidMesh, match=r"link.dae cannot be read: this needs pycollada.*: pip install 'skin-calib.author"
+    ):
         read_mesh(written(tmp_path))

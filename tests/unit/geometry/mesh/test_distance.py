@@ -111,7 +111,7 @@ def test_search_tree_of_a_mesh_ends_with_it():
 
 
 def test_a_missing_library_is_named(monkeypatch):
-    """With the command that installs it."""
+    """With what installs it."""
     monkeypatch.setitem(sys.modules, "igl", None)
-    with pytest.raises(SkinCalibError, match="pip install libigl"):
+    with pytest.raises(SkinCalibError, match=r"libigl, .*: pip install 'skin-calib\[author\]'"):
         closest(weld(cylinder().vertices, cylinder().faces), np.zeros((1, 3)))
