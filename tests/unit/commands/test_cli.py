@@ -372,6 +372,7 @@ def test_missing_package_of_a_mesh_is_one_line(folder, capsys, monkeypatch, modu
     if kind != "ply":
         pytest.importorskip("trimesh").creation.box().export(folder / f"tube.{kind}")
     monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.delitem(sys.modules, "bpy", raising=False)
     plan = write_plan(folder, mesh=f"tube.{kind}")
     assert main(["fit", str(plan), "-o", str(folder / "out.json")]) == 1
     out, err = capsys.readouterr()

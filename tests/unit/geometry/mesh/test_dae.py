@@ -1,5 +1,7 @@
 """COLLADA files: units, axes, nodes, damage and malice; trimesh's own reading of the scene is the independent truth."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -181,7 +183,8 @@ def test_every_truncated_file_is_refused(tmp_path):
 
 
 def test_without_the_package_the_message_states_how_to_install_it(tmp_path, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "collada", None)
+    monkeypatch.setitem(sys.modules, "collada", None)
+    monkeypatch.delitem(sys.modules, "bpy", raising=False)  # of a test before
     with pytest.raises(
         InvalidMesh, match=r"link.dae cannot be read: this needs pycollada.*: pip install 'skin-calib.author"
     ):

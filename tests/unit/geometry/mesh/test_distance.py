@@ -113,5 +113,6 @@ def test_search_tree_of_a_mesh_ends_with_it():
 def test_a_missing_library_is_named(monkeypatch):
     """With what installs it."""
     monkeypatch.setitem(sys.modules, "igl", None)
+    monkeypatch.delitem(sys.modules, "bpy", raising=False)  # of a test before
     with pytest.raises(SkinCalibError, match=r"libigl, .*: pip install 'skin-calib\[author\]'"):
         closest(weld(cylinder().vertices, cylinder().faces), np.zeros((1, 3)))
