@@ -96,11 +96,12 @@ class Propose(Working):
     """Proposes surfaces and skins, as ``skin-calib propose`` does, stores them as the plan of the link, and fits it."""
 
     doing, did = "Proposing a plan", "Proposed plans for"
+    is_wanted = True  # whether links of any size get skin
 
     def chosen(self, context):
         text = bpy.path.abspath(context.scene.skin_calib.skin or preferences().skin)
         try:
-            self.choice = parse_skin(text)
+            self.choice = replace(parse_skin(text), is_wanted=self.is_wanted)
         except InvalidPlan as error:  # in words of the window
             raise InvalidPlan(str(error).replace(FORMS, "Choose kind and size of the Proposed Skin.")) from error
         robot_of.cache_clear()  # its files can have changed
@@ -154,6 +155,7 @@ class SKIN_OT_propose_all(Propose, Operator):
     """Propose surfaces and skins for all links that have no plan, and fit them; Esc keeps what is finished"""
 
     bl_label = "Propose All"
+    is_wanted = False
     blocked_by = (no_links, busy)
 
     def chosen(self, context):

@@ -4,6 +4,7 @@ import argparse
 import itertools
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -96,7 +97,7 @@ def propose(
     options: argparse.Namespace, folder: Path, again: bool, fit: bool = False
 ) -> tuple[dict[Path, Fitted | None], int]:
     """Write a plan for each link that can carry skin, and print a line for each link."""
-    choice = options.skin or parse_skin(DEFAULT_SKIN)
+    choice = replace(options.skin or parse_skin(DEFAULT_SKIN), is_wanted=bool(options.only))
     if os.path.lexists(folder) and not os.path.isdir(folder):
         raise OutputError(f"{folder} is not a folder. Choose another name.")
     given, options.file = options.file, as_urdf(options.file, folder)

@@ -15,7 +15,7 @@ from ..geometry.grid.axis import Axis
 from ..geometry.grid.grids import Across, Grid, PlanesGrid, Sector, Size, Tolerance, Tube
 from ..geometry.mesh.cover import CoverSpec, Cut
 from ..skin.boards.ground import Zone
-from ..skin.lattice import HexLattice, SheetLattice
+from ..skin.lattice import SIDE, HexLattice, SheetLattice
 from ..skin.sheet.landmarks import Landmark
 from ..skin.single_taxels import SingleTaxel
 from ..skin.uncertainty import (
@@ -28,7 +28,7 @@ from ..skin.uncertainty import (
 from .key import Choice, Key, Record, Switch, Type
 from .plan import SURFACE as FIRST_SURFACE
 from .plan import Plan, Surface
-from .skins import GAP, SIDE, BoardSkin, Frame, ImportedSkin, Mounting, SheetSkin
+from .skins import BoardSkin, Frame, ImportedSkin, Mounting, SheetSkin
 
 FORMAT = "skin-plan"
 PLAN_VERSION = 2  # Format: newest version of plan files
@@ -601,8 +601,8 @@ BOARDS = Record(
             "gap",
             length(minimum=-1, maximum=1),
             "Gap between the sides of two boards that face each other; negative where boards are trimmed.",
-            default=GAP,
-            otherwise="boards trimmed as those of the TUM skin; with a side of 16.3 mm their pitch is 27.75 mm",
+            default=None,
+            otherwise="none; with a side of 16.3 mm boards trimmed as those of the TUM skin, with a pitch of 27.75 mm",
             switch=Switch("auto_gap", "Standard Gap"),
             always=True,
         ),

@@ -4,8 +4,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from ..calibration.model import MAX_CHANNEL
 from ..common.errors import InvalidPlan
 from ..skin.boards.ground import Zone
@@ -14,11 +12,6 @@ from ..skin.lattice import HexLattice, SheetLattice
 from ..skin.sheet.landmarks import Landmark
 from ..skin.single_taxels import SingleTaxel
 from ..skin.uncertainty import DIRECTION_UNCERTAINTY, ORIGIN_UNCERTAINTY
-
-# [m] Hexagonal boards of the TUM skin: length of their sides, and the gap that gives their pitch of 27.75 mm. Contract:
-# the documented default of the plan.
-SIDE = 0.0163
-GAP = 0.02775 - float(np.sqrt(3)) * SIDE
 
 Point = tuple[float, float, float]
 Rows = tuple[Point, Point, Point]

@@ -266,7 +266,8 @@ def is_current(path: Path, task: Task) -> bool:
     """Return whether the plan in a file was proposed for a task, and nothing that it was made from has changed."""
     try:
         plan = load_plan(path)
-        return bool(plan.extra.get(PROPOSAL_FROM) == made_from(task.file, task.link, task.choice))
+        is_same = plan.extra.get(PROPOSAL_FROM) == made_from(task.file, task.link, task.choice)
+        return is_same and plan.is_for(load_plan_mesh(plan))
     except SkinCalibError:
         return False
 

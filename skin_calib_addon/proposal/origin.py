@@ -22,13 +22,14 @@ DIGITS = 16  # of a checksum. Larger: longer plans.
 def made_from(file: Path, link: str, choice: SkinChoice | None) -> dict[str, Any]:
     """Return what a proposal depends on: checksums of joints, and of the meshes of links, by name; zones, and the skin.
 
-    They are those of the link, and of the links that cover it somewhere in the ranges of the joints.
+    They are those of a link of a robot, and of the links that cover it somewhere in the ranges of the joints. The plan
+    also has the hash of its own mesh.
     """
     skin = {} if choice is None else {"skin": choice.text, "skin_checksum": _checksum(repr(choice.template))}
     zones = load_zones(file, link)
     skin |= {"zones": _checksum(repr(zones))} if zones else {}
     if not is_urdf(file):
-        return {**skin, "joints": {}, "links": {link: (file_hash(file) or "")[:DIGITS]}}
+        return {**skin, "joints": {}, "links": {}}
     robot = read_robot(file)
     paths = list(paths_from(robot, link))
     joints = sorted({joint for _, path in paths for joint, _ in path}, key=lambda joint: joint.name)

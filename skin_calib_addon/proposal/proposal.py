@@ -33,7 +33,7 @@ from .surfaces import MIN_AREA, Proposed, fitted, propose_surfaces
 # [fraction] of the boards of a mirrored link, on each surface, and of its free area and cells, that a link must have to
 # get its layout. Larger: more left and right links have layouts of their own.
 MIN_TWIN_FRACTION = 0.9
-MIN_FREE_AREA = 30e-4  # [m^2] that a link needs for skin. Larger: more links stay without
+MIN_BARE_AREA = 30e-4  # [m^2] of a piece of the free area without skin that is named. Larger: fewer are
 MAX_COVERERS = 3  # other links that are named. Larger: longer sentences
 
 
@@ -79,8 +79,10 @@ def propose_link(
 ) -> Proposal:
     """Propose surfaces and skins for one link."""
     target = _Target.of(link, mesh, file, unit, keep_out, begin)
-    if target.free < MIN_FREE_AREA:
-        words = f"Less than {MIN_FREE_AREA * 1e4:.0f} cm^2 are open and free of other links: no skin."
+    if target.free <= choice.least_area:
+        words = (
+            f"At most {choice.least_area * 1e4:.0f} cm^2 are open and free of other links: no space for {choice.text}."
+        )
         return Proposal(link, None, (target.sentence, words + target.why_covered), target.on.seen, target.free)
     found = propose_surfaces(seen_faces(mesh), target.on, axes, begin)
     return target.proposal(found, lambda proposed: skin_on(choice, proposed.fit, proposed.surface.name), choice, begin)
@@ -253,7 +255,7 @@ class _Target:
         """Return where the largest piece of the free area without skin is, and why; empty if it is small."""
         piece = self.on.largest_bare_piece(covered)
         points, areas = self.on.points[piece], self.on.areas[piece]
-        if areas.sum() < MIN_FREE_AREA:
+        if areas.sum() < MIN_BARE_AREA:
             return ""
         middle = points[np.linalg.norm(points - areas @ points / areas.sum(), axis=1).argmin()]
         why = f"no surface of at least {MIN_AREA * 1e4:.0f} cm^2 was found there within 1 mm and 15 degrees of the mesh"

@@ -19,9 +19,10 @@ from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline.place_skins import place_skin, sheet_patch
 from ..plan.document import skins_from
 from ..plan.file import check_part
-from ..plan.skins import SIDE, BoardSkin, SheetSkin
+from ..plan.skins import BoardSkin, SheetSkin
 from ..skin.between import overlaps
 from ..skin.boards.overlap import largest_apart
+from ..skin.lattice import SIDE, HexLattice
 from ..skin.sheet.landmarks import Landmark
 from ..skin.single_taxels import SingleTaxel
 from ..skin.warnings import STRAIN_LIMIT
@@ -30,8 +31,15 @@ from .candidates import DECIMALS
 from .link_points import LinkPoints
 from .trial import site_steps
 
-FORMS = 'Write "hexagons:16.3mm" (length of a side), "sheet:6x22x10mm" (rows, columns, pitch), or the name of a file.'
+FORMS = (
+    'Write "hexagons:16.3mm" (length of a side), "sheet:6x22x10mm" (rows, columns, pitch), both also with '
+    '",gap=0.5mm" (of boards) and ",thickness=3mm", or the name of a file.'
+)
 DEFAULT_SKIN = "hexagons:8mm"  # on eight real links these cover twice the area that boards of TUM cover
+
+
+# [1] boards that a link must have space for. Larger: more fingers and small parts stay without skin.
+MIN_BOARDS = 6
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,17 @@ class SkinChoice:
 
     template: SheetSkin | BoardSkin
     text: str  # as the author wrote it
+    is_wanted: bool = False  # whether the author named the links: they may be of any size
+
+    @property
+    def least_area(self) -> float:
+        """Return the free area that a link needs [m^2]."""
+        lattice = self.template.lattice
+        if self.is_wanted:
+            return 0.0
+        if isinstance(lattice, HexLattice):
+            return MIN_BOARDS * lattice.area
+        return float(lattice.rows * lattice.columns * np.prod(lattice.pitch))
 
 
 class Form(NamedTuple):
@@ -49,33 +68,42 @@ class Form(NamedTuple):
     length: float = 0.0  # of a side, or pitch [mm]
     rows: int = 1
     columns: int = 1
+    gap: float | None = None  # between boards [mm]; None: the usual one
+    thickness: float | None = None  # of a board or sheet [mm]; None: none
 
     @property
     def text(self) -> str:
         """The text that describes boards or a sheet."""
         size = f"{self.rows}x{self.columns}x" if self.kind == "sheet" else ""
-        return f"{self.kind}:{size}{self.length:g}mm"
+        more = (f",{name}={v:g}mm" for name in ("gap", "thickness") if (v := getattr(self, name)) is not None)
+        return f"{self.kind}:{size}{self.length:g}mm{''.join(more)}"
 
 
 def form_of(text: str) -> Form:
     """Return kind and size of a skin; a text that states none is the name of a file."""
-    found = re.fullmatch(r"(hexagons|sheet):(?:(\d+)x(\d+)x)?(\d+(?:\.\d*)?)mm", text)
     if text == "hexagons":
         return Form("hexagons", 1e3 * SIDE)
-    if found is None or (found[1] == "sheet") != bool(found[2]):
+    found = re.fullmatch(
+        r"(hexagons|sheet):(?:(\d+)x(\d+)x)?(\d+(?:\.\d*)?)mm(?:,gap=(-?\d+(?:\.\d*)?)mm)?(?:,thickness=(\d+(?:\.\d*)?)mm)?",
+        text,
+    )
+    if found is None or (found[1] == "sheet") != bool(found[2]) or found[1] == "sheet" and found[5]:
         return Form("file")
-    return Form(found[1], real(found[4]), int(found[2] or 1), int(found[3] or 1))
+    gap, thickness = (None if word is None else real(word) for word in found.groups()[4:])
+    return Form(found[1], real(found[4]), int(found[2] or 1), int(found[3] or 1), gap, thickness)
 
 
 def parse_skin(text: str) -> SkinChoice:
-    """Return the skin that a text describes."""
+    """Return the skin that a text describes. Its taxels are in the middle of a thickness."""
     form = form_of(text)
     length = round(form.length * 1e-3, 9)  # [m]
+    more = {} if form.thickness is None else {"offset": round(form.thickness * 5e-4, 9)}
     if form.kind == "hexagons":
-        return _choice({"kind": "hexagons", "side": length} | ({} if length == SIDE else {"gap": 0.0}), text)
+        more |= {} if form.gap is None else {"gap": round(form.gap * 1e-3, 9)}
+        return _choice({"kind": "hexagons", "side": length} | more, text)
     if form.kind == "sheet":
         size_of = {"rows": form.rows, "columns": form.columns, "pitch": [length, length]}
-        return _choice({"kind": "sheet"} | size_of, text)
+        return _choice({"kind": "sheet"} | size_of | more, text)
     if text.endswith(".json"):
         document, findings = parse(read(Path(text)))
         if findings or not isinstance(document, dict) or document.get("kind") not in ("sheet", "hexagons"):

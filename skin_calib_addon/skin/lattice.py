@@ -91,18 +91,27 @@ CORNERS = ((-1, -1), (-1, 1), (1, 1), (1, -1))
 EDGES = ((0, 1), (1, 0), (0, -1), (-1, 0))  # Format: offsets of the middles of the sides, as of the corners
 
 
+# [m] Hexagonal boards of the TUM skin: length of their sides, and the gap that gives their pitch of 27.75 mm. Contract:
+# the documented default of the plan.
+SIDE = 0.0163
+GAP = 0.02775 - float(np.sqrt(3)) * SIDE
+
+
 @dataclass(frozen=True)
 class HexLattice:
     """Regular hexagons with sides of length ``side`` and a ``gap`` between facing sides; rows run along x.
 
     A cell has axial coordinates (q, r). One step in q goes along x, one step in r goes 60 degrees from x. Boards that
-    are trimmed at their sides are closer together than their outlines. Then the gap is negative.
+    are trimmed at their sides are closer together than their outlines. Then the gap is negative. Without a stated gap
+    boards touch; those with the side of TUM are trimmed as there.
     """
 
     side: float  # [m]
-    gap: float  # [m]
+    gap: float = None  # type: ignore[assignment]  # [m]
 
     def __post_init__(self):
+        if self.gap is None:
+            object.__setattr__(self, "gap", GAP if self.side == SIDE else 0.0)
         if self.side <= 0 or self.pitch <= 0:
             raise InvalidPlan(
                 f"hexagons with sides of {self.side * 1e3:g} mm and gaps of {self.gap * 1e3:g} mm have no area or no "

@@ -178,7 +178,7 @@ def test_proposals_fits_and_export_have_the_bytes_of_the_command_line(bpy, arm, 
     assert bpy.ops.skin_calib.propose_all() == {"FINISHED"}
     tube, block, knob = (bpy.data.objects[name].skin_calib for name in ("fore arm", "block", "knob"))
     assert tube.proposed and block.skins[0].first_channel == tube.proposed and not knob.skins
-    assert knob.refusal == "Less than 30 cm^2 are open and free of other links: no skin."
+    assert knob.refusal.startswith("No surface of at least 5 cm^2 is within 1 mm and 15 degrees of the mesh")
     assert "Info: Proposed plans for 2 links; refused: 1" in capfd.readouterr().out
     assert bpy.ops.skin_calib.fit_all() == {"FINISHED"}
     assert "Info: All links with a plan are fitted" in capfd.readouterr().out

@@ -12,7 +12,7 @@ from ...proposal.skins import DEFAULT_SKIN, Form, form_of
 
 KINDS = [
     ("hexagons", "Hexagons", "Rigid hexagonal boards of one size, which fill each surface"),
-    ("sheet", "Sheet", "A sheet of taxels, which is cut to each surface"),
+    ("sheet", "Sheet", "A sheet of taxels of this size in the middle of each surface that has space"),
     ("file", "File", "The skin of a JSON file, as in a plan"),
 ]
 USUAL = ("usual", "As in Preferences", "The skin in the preferences of the extension")

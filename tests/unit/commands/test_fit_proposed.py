@@ -215,3 +215,11 @@ def test_stale_plans_are_named_and_alone_proposed_again(urdf, capsys):
     out = capsys.readouterr().out
     assert "The mesh of the link two has changed since" in out and "The mesh has changed since" in out
     assert main([*call, "sheet:2x3x10mm", "--again"]) == 0 and "kept" not in capsys.readouterr().out
+
+
+def test_changed_mesh_without_a_robot_is_proposed_again(tmp_path, capsys):
+    save_mesh(plate(0.07), tmp_path / "one.ply")
+    call = ["propose", str(tmp_path / "one.ply"), "-o", str(tmp_path / "out"), "--skin", SKIN, "--again"]
+    for size, kept in ((0.07, False), (0.07, True), (0.08, False)):
+        save_mesh(plate(size), tmp_path / "one.ply")
+        assert main(call) == 0 and ("kept" in capsys.readouterr().out) == kept

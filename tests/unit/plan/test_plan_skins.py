@@ -107,3 +107,12 @@ def test_last_channel_of_a_skin_may_be_the_highest():
     assert first == MAX_CHANNEL - 131
     with pytest.raises(InvalidPlan, match=f"Skin 'band' would end on channel {MAX_CHANNEL + 1}; the highest is"):
         first_channels(skins_from([SHEET | {"first_channel": MAX_CHANNEL - 130}]), [132])
+
+
+@pytest.mark.parametrize(
+    ("stated", "gap"), [({}, -0.00048), ({"side": 0.008}, 0.0), ({"side": 0.008, "gap": 1e-3}, 1e-3)]
+)
+def test_boards_of_another_side_have_no_gap_of_tum(stated, gap):
+    """That of TUM is negative: smaller boards with it would overlap."""
+    (skin,) = skins_from([{"name": "sole", "kind": "hexagons"} | stated])
+    assert skin.lattice.gap == pytest.approx(gap, abs=1e-5)

@@ -3,6 +3,7 @@
 import json
 import re
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ from skin_calib_addon.proposal.candidates import candidates, cuts_in_front
 from skin_calib_addon.proposal.link_points import LinkPoints
 from skin_calib_addon.proposal.loops import chains, loops_around, simplified
 from skin_calib_addon.proposal.proposal import propose_link
-from skin_calib_addon.proposal.skins import parse_skin
+from skin_calib_addon.proposal.skins import form_of, parse_skin
 from skin_calib_addon.proposal.surfaces import MIN_AREA, Tried, best_of, fitted, propose_surfaces
 from skin_calib_addon.proposal.trial import Start
 from skin_calib_addon.robot.keep_out import KeepOut
@@ -303,9 +304,13 @@ def test_folded_surface_is_not_proposed():
 
 
 def test_link_without_free_area_gets_a_reason(tmp_path):
-    """A small link: no plan, and a sentence."""
-    proposal = proposed(welded(trimesh.creation.icosphere(3, 0.012)), tmp_path)
-    assert proposal.plan is None and proposal.reasons[-1].startswith("Less than 30 cm^2")
+    """A small link: no plan, and a sentence; the least area is that of six boards, or none for links that are named."""
+    ball = welded(trimesh.creation.icosphere(3, 0.008))
+    proposal = proposed(ball, tmp_path)
+    assert proposal.plan is None and proposal.reasons[-1].startswith("At most 10 cm^2 are open and free of other links")
+    wanted = replace(parse_skin("hexagons:8mm"), is_wanted=True)
+    assert "At most" not in propose_link("link", ball, tmp_path / "link.ply", "m", wanted).reasons[-1]
+    assert parse_skin("sheet:4x5x10mm").least_area == pytest.approx(20e-4)
 
 
 @pytest.mark.parametrize("length, is_named", [(0.1, True), (0.075, True), slow(0.03, False)])
@@ -318,9 +323,8 @@ def test_links_that_cover_most_of_a_link_are_named(length, is_named, tmp_path):
     keep_out = KeepOut(body, dict.fromkeys(heights, other) | {"plate": plate})
     found = propose_link("plate", plate, tmp_path / "robot.urdf", "m", parse_skin("hexagons:8mm"), keep_out=keep_out)
     assert (found.plan is None) == (length == 0.1)
-    reason = found.reasons[0] if found.plan else found.reasons[-1]
-    before, words, areas = reason.partition(" Others cover it somewhere in the ranges of the joints: ")
-    assert bool(words) == is_named and before.endswith("other links." if found.plan else "no skin.")
+    before, words, areas = found.reasons[0].partition(" Others cover it somewhere in the ranges of the joints: ")
+    assert bool(words) == is_named and before.endswith("other links.")
     if is_named:
         first, second = re.fullmatch(r"above (\d+) cm\^2, below (\d+) cm\^2\.", areas).groups()
         assert first == second and 0 <= int(first) - 500 * length < 4
@@ -339,6 +343,19 @@ def test_unknown_skins_are_refused(text):
         parse_skin(text)
     with pytest.raises(SystemExit, match="2"):
         main(["propose", "robot.urdf", "-o", "plans", "--skin", text])
+
+
+def test_gap_and_thickness_of_a_skin():
+    """Taxels are in the middle of the thickness; the text reads back to itself."""
+    boards = parse_skin("hexagons:8mm,gap=0.5mm,thickness=3mm").template
+    assert (boards.lattice.side, boards.lattice.gap, boards.offset) == (0.008, 0.0005, 0.0015)
+    assert parse_skin("sheet:4x5x10mm,thickness=2mm").template.offset == 0.001
+    assert parse_skin("hexagons:8mm").template.lattice.gap == 0.0
+    for text in ("hexagons:8mm,gap=0.5mm,thickness=3mm", "hexagons:8mm,gap=-1mm", "sheet:4x5x10mm,thickness=2mm"):
+        assert form_of(text).text == text
+    for text in ("sheet:4x5x10mm,gap=1mm", "hexagons:8mm,thickness=3mm,gap=1mm", "hexagons:8mm,"):
+        with pytest.raises(InvalidPlan, match="is not a skin"):
+            parse_skin(text)
 
 
 def test_skin_of_a_file(tmp_path, capsys):

@@ -12,9 +12,9 @@ from skin_calib_addon.geometry import AcrossGrid, TubeGrid, cut_cover, fit_grid,
 from skin_calib_addon.geometry.mesh.distance import closest
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh
 from skin_calib_addon.plan import load_plan
-from skin_calib_addon.plan.skins import GAP, SIDE
 from skin_calib_addon.skin import HexLattice, Zone, lay_boards
 from skin_calib_addon.skin.boards.ground import MAX_GAP
+from skin_calib_addon.skin.lattice import GAP, SIDE
 from tests.examples import slow
 from tests.shapes import Z_AXIS, cone_surface, cylinder, keep, plane_surface, sheet, with_hole, wrist_surface
 

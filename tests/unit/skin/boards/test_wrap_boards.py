@@ -8,10 +8,9 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry import TubeGrid, fit_surface
-from skin_calib_addon.plan.skins import GAP, SIDE
 from skin_calib_addon.skin import HexLattice, board_taxels, lay_boards
 from skin_calib_addon.skin.boards.board_taxels import board_at
-from skin_calib_addon.skin.lattice import PORTS
+from skin_calib_addon.skin.lattice import GAP, PORTS, SIDE
 from tests.examples import examples, slow
 from tests.shapes import Z_AXIS, cone_surface, cylinder, plane_surface, wrist_surface
 
