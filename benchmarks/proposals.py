@@ -4,7 +4,8 @@
 
 For each of eight real links of the data folder it prints a row. First the proposal: its surfaces, the largest of them
 with its axis or direction, mean and maximum deviation of the least exact surface, and the warnings of the fit. Then the
-area that can be seen from outside, the part of it with skin, and why the rest has none. Last, for comparison, a tube of
+area that can be seen from outside, the part of it that is open, the area of the cells, and that of surfaces on which no
+board fits. Last, for comparison, a tube of
 10 u-planes and 20 lines, the first values of the window. Below the table it prints the time and the reasons of each
 proposal. With ``--write`` the table goes into the documentation.
 """
@@ -40,8 +41,8 @@ LINKS = {
     "G1 foot": "g1_left_ankle_roll_foot",
 }
 COLUMNS = (
-    "link | surfaces; boards | the largest | mean, max [mm] | warnings | seen, covered [cm²] "
-    "| not covered [cm²]: closed in, no board fits, no surface | a plain tube: mean, max [mm]; warnings"
+    "link | surfaces; boards | the largest | mean, max [mm] | warnings | seen, free, cells [cm²] "
+    "| no board fits [cm²] | a plain tube: mean, max [mm]; warnings"
 )
 
 
@@ -79,14 +80,14 @@ def judged(file, choice):
     seconds = f"{middle - start:.1f} s to propose, {perf_counter() - middle:.1f} s to fit"
     kinds = Counter(kind_of(surface) for surface in found.plan.surfaces)
     no_board = left_out_area("\n".join(found.reasons))
-    seen, free, covered = (round(area * 1e4) for area in (found.seen, found.free, found.covered))
+    seen, free, covered = (round(area * 1e4) for area in (found.seen, found.free, found.cells))
     cells = [
         f"{', '.join(f'{n} {kind}' for kind, n in kinds.items())}; {found.taxels}",
         largest(found.plan),
         errors_of(result),
         warnings_of(result),
-        f"{seen}, {covered}",
-        f"{seen - free}, {no_board}, {free - covered - no_board}",
+        f"{seen}, {free}, {covered}",
+        f"{no_board}",
         plain(file),
     ]
     return cells, (seconds, *found.reasons)

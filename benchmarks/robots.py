@@ -145,7 +145,7 @@ def short_table_of(columns):
     parts = {  # what begins a row, and what is kept of its value and name
         "links with a mesh, with a plan": ("links, with a mesh", r"\d+, (\d+, \d+) .*"),
         "surfaces, boards": ("surfaces, boards", r"(\d+, \d+) .*"),
-        "covered of the free area": ("area of the surfaces with skin", r".*, (\d+ %) of the free.*"),
+        "cells of the free area": ("cells cover", r"(\d+ %) of the free.*"),
         "area of the cells": ("area of the cells", r"(\d+ cm²) .*"),
         "largest distance": ("largest distance", r"(.* mm) .*"),
         "largest angle": ("largest angle", r"(.* degrees) \(.*"),
@@ -229,12 +229,12 @@ def peak_memory(process):
 def of_proposal(urdf, folder, said):
     """Return the rows that the program itself states."""
     per_link = re.findall(
-        r"^(\S+) +(\d+) surfaces?, (\d+) taxels?; surfaces cover (\d+), cells \d+ of (\d+) cm\^2 free, (\d+) cm\^2",
+        r"^(\S+) +(\d+) surfaces?, (\d+) taxels?; cells cover (\d+) of (\d+) cm\^2 free \(\d+%\), (\d+) cm\^2",
         said,
         re.M,
     )
     refused = re.findall(r"^(\S+) +no plan: (.*)$", said, re.M)
-    surfaces, taxels, covered = (sum(int(row[k]) for row in per_link) for k in (1, 2, 3))
+    surfaces, taxels = (sum(int(row[k]) for row in per_link) for k in (1, 2))
     robot = read_robot(urdf)
     reasons = Counter(reason.partition(" Others cover")[0] for _, reason in refused)  # without names of links
     seconds = re.findall(r"^(.+) took ([\d.]+) s with (\d+) processes, ([\d.]+) s of CPU, (\d+) MB", said, re.M)
@@ -246,9 +246,9 @@ def of_proposal(urdf, folder, said):
         "links without a plan": "; ".join(f"{n}: {reason}" for reason, n in reasons.items()) or "none",
         "links that failed": "; ".join(re.findall(r"^(\S+) +failed", said, re.M)) or "none",
         "surfaces, boards": f"{surfaces}, {taxels}",
-        "area of the surfaces with skin": f"{covered} cm², {total[1]} % of the free, {total[2]} % of the visible area",
+        "cells cover": f"{total[1]} % of the free, {total[2]} % of the visible area",
         "area of surfaces that were left out, because no skin fits": f"{left_out} cm²",
-        "most free area without a surface": "; ".join(
+        "most free area without a cell": "; ".join(
             f"{row[0]} {int(row[4]) - int(row[3])} of {row[4]} cm²" for row in worst
         ),
         f"seconds ({seconds[0][2]} processes)": ", ".join(f"{name} {s}" for name, s, *_ in seconds),

@@ -184,16 +184,13 @@ def _proposed(outcome: Outcome, former: Sequence[str]) -> list[str]:
 
 
 def _areas(proposals: Sequence[Proposal], has_kept: bool) -> str:
-    """Return what proposals cover together, for the last line; empty if no area is free."""
-    seen, free, covered, cells = (
-        sum(getattr(p, name) for p in proposals) for name in ("seen", "free", "covered", "cells")
-    )
+    """Return what the cells of proposals cover together, for the last line; empty if no area is free."""
+    seen, free, cells = (sum(getattr(p, name) for p in proposals) for name in ("seen", "free", "cells"))
     if not free:
         return ""
     return (
-        f"; {'without those kept, ' if has_kept else ''}surfaces with skin cover {covered * 1e4:.0f} cm^2, "
-        f"{covered / free:.0%} of the free area and {covered / seen:.0%} of the area that can be seen; "
-        f"cells cover {cells * 1e4:.0f} cm^2"
+        f"; {'without those kept, ' if has_kept else ''}cells cover {cells * 1e4:.0f} cm^2, "
+        f"{cells / free:.0%} of the free area and {cells / seen:.0%} of the area that can be seen"
     )
 
 
@@ -240,8 +237,8 @@ def _channel_after(path: Path) -> int | None:
 def _numbers(proposal: Proposal) -> str:
     assert proposal.plan is not None
     return (
-        f"{counted(len(proposal.plan.surfaces), 'surface')}, {counted(proposal.taxels, 'taxel')}; surfaces cover "
-        f"{proposal.covered * 1e4:.0f}, cells {proposal.cells * 1e4:.0f} of {proposal.free * 1e4:.0f} cm^2 free, "
+        f"{counted(len(proposal.plan.surfaces), 'surface')}, {counted(proposal.taxels, 'taxel')}; cells cover "
+        f"{proposal.cells * 1e4:.0f} of {proposal.free * 1e4:.0f} cm^2 free ({proposal.cells / proposal.free:.0%}), "
         f"{proposal.seen * 1e4:.0f} cm^2 seen"
     )
 

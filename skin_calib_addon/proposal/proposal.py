@@ -46,8 +46,7 @@ class Proposal:
     reasons: tuple[str, ...]  # one for each choice, or the refusal
     seen: float = 0.0  # area that can be seen from outside [m^2]
     free: float = 0.0  # of it, area that is open, and that no other link covers [m^2]
-    covered: float = 0.0  # of it, area that the surfaces with skin cover [m^2]
-    cells: float = 0.0  # area of the cells of the skins [m^2]
+    cells: float = 0.0  # area of the cells of the skins on it [m^2]
     taxels: int = 0
     fits: Mapping[str, SurfaceFit] = field(default_factory=dict, repr=False)  # of its surfaces, by their names
     warnings: tuple[str, ...] = ()  # what can be wrong with it; also among the reasons of the plan
@@ -245,11 +244,9 @@ class _Target:
             return Proposal(self.link, None, (*reasons, words), self.on.seen, self.free)
         if bare := self._bare(covered, found, problems):
             reasons.append(bare)
-        area = float(self.on.areas[covered].sum())
-        words = f"Surfaces with skin cover {area * 1e4:.0f} cm^2 of the free area."
-        reasons.append(f"{words} Their cells have {cells * 1e4:.0f} cm^2.")
+        reasons.append(f"Cells cover {cells * 1e4:.0f} cm^2 of the free area, {cells / self.free:.0%} of it.")
         plan = Plan(self.link, self.file, self.unit, tuple(surfaces), tuple(skins), extra={"x_proposal": reasons})
-        return Proposal(self.link, plan, tuple(reasons), self.on.seen, self.free, area, cells, taxels, fits, bare=bare)
+        return Proposal(self.link, plan, tuple(reasons), self.on.seen, self.free, cells, taxels, fits, bare=bare)
 
     def _bare(self, covered: BoolArray, found: Sequence[Proposed], problems: Mapping[str, str]) -> str:
         """Return where the largest piece of the free area without skin is, and why; empty if it is small."""

@@ -240,7 +240,8 @@ def test_proposal_is_a_plan_that_can_be_carried_out(tube, tmp_path, skin):
     areas = sum(p.taxels.areas.sum() for p in result.calibration.patches)
     assert proposal.cells == pytest.approx(areas, rel=1e-6)
     assert len(plan.extra["x_proposal"]) == 2 + 3  # a tube and its ends
-    assert f"Their cells have {areas * 1e4:.0f} cm^2." in plan.extra["x_proposal"][-1]
+    covered = f"Cells cover {areas * 1e4:.0f} cm^2 of the free area, {areas / proposal.free:.0%} of it."
+    assert plan.extra["x_proposal"][-1] == covered
     for patch in result.calibration.patches:
         distance, face, _ = closest(tube, patch.taxels.positions_link)
         assert distance.max() < 1.1e-3
@@ -428,9 +429,12 @@ def test_totals_are_of_the_plans_that_are_made(tmp_path, capsys):
     urdf.write_text(URDF.replace('"upper"', '"b[1]*x"'))
     words = ["propose", str(urdf), "-o", str(plans), "--except", "lost", "--skin", "sheet:2x3x8mm"]
     assert main([*words, "--only", "b[1]*x"]) == 0
-    assert "1 link, 1 plan; surfaces with skin cover" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    cells, free, part = map(int, re.search(r"cells cover (\d+) of (\d+) cm\^2 free \((\d+)%\)", out).groups())
+    assert 0 < cells < free and part == pytest.approx(100 * cells / free, abs=3)  # areas are rounded
+    assert f"1 link, 1 plan; cells cover {cells} cm^2, {part}% of the free area and" in out
     assert main(words) == 0
-    assert "2 links, 2 plans; without those kept, surfaces with skin cover" in capsys.readouterr().out
+    assert "2 links, 2 plans; without those kept, cells cover" in capsys.readouterr().out
 
 
 @pytest.mark.slow
