@@ -188,8 +188,12 @@ def _areas(proposals: Sequence[Proposal], has_kept: bool) -> str:
     seen, free, cells = (sum(getattr(p, name) for p in proposals) for name in ("seen", "free", "cells"))
     if not free:
         return ""
+    chains, singles, cables, taxels = (
+        sum(getattr(p, name) for p in proposals) for name in ("chains", "singles", "cables", "taxels")
+    )
     return (
-        f"; {'without those kept, ' if has_kept else ''}cells cover {cells * 1e4:.0f} cm^2, "
+        f"; {'without those kept, ' if has_kept else ''}{counted(taxels, 'taxel')}"
+        f"{_chains(chains, singles, cables)}, cells cover {cells * 1e4:.0f} cm^2, "
         f"{cells / free:.0%} of the free area and {cells / seen:.0%} of the area that can be seen"
     )
 
@@ -234,10 +238,16 @@ def _channel_after(path: Path) -> int | None:
         return None  # ``fit`` says what is wrong with the plan
 
 
+def _chains(chains: int, singles: int, cables: float) -> str:
+    """Return the chains of boards in words; empty without boards."""
+    return f" in {counted(chains, 'chain')} ({singles} of one, {cables:.1f} m of cable between them)" if chains else ""
+
+
 def _numbers(proposal: Proposal) -> str:
     assert proposal.plan is not None
     return (
-        f"{counted(len(proposal.plan.surfaces), 'surface')}, {counted(proposal.taxels, 'taxel')}; cells cover "
+        f"{counted(len(proposal.plan.surfaces), 'surface')}, {counted(proposal.taxels, 'taxel')}"
+        f"{_chains(proposal.chains, proposal.singles, proposal.cables)}; cells cover "
         f"{proposal.cells * 1e4:.0f} of {proposal.free * 1e4:.0f} cm^2 free ({proposal.cells / proposal.free:.0%}), "
         f"{proposal.seen * 1e4:.0f} cm^2 seen"
     )

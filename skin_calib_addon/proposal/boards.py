@@ -15,6 +15,7 @@ from ..plan.skins import BoardSkin
 from ..skin.boards.ground import MAX_DISTANCE
 from ..skin.boards.overlap import largest_apart, overlapping
 from .candidates import DECIMALS
+from .chains import chains_of
 from .link_points import LinkPoints
 
 
@@ -45,8 +46,11 @@ def boards_of_list(skin: BoardSkin, fit: SurfaceFit, least: float) -> tuple[Boar
 
 
 def with_cells(skin: BoardSkin, taxels: TaxelArray, kept: BoolArray) -> BoardSkin:
-    """Return a skin with a list of boards."""
-    return replace(skin, choice=tuple((int(q), int(r)) for q, r in taxels.index[kept]))
+    """Return a skin with a list of boards, chain by chain: so their ids and channels follow each other."""
+    chain = chains_of(taxels, kept)
+    return replace(
+        skin, choice=tuple((int(q), int(r)) for q, r in taxels.index[kept][np.argsort(chain, kind="stable")])
+    )
 
 
 def open_cells(mesh: TriangleMesh, on: LinkPoints, taxels: Sequence[TaxelArray]) -> BoolArray:

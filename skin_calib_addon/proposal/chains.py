@@ -9,27 +9,28 @@ from scipy.spatial.distance import cdist
 from ..calibration.model import TaxelArray
 from ..common.arrays import Array, BoolArray, IntArray
 from ..geometry.components import components
-from ..plan.skins import BoardSkin
 
 MIN_CHAIN = 3  # boards of a chain, unless the author states another number. Larger: fewer cables, less skin
 
 
-def chains_of(skin: BoardSkin, taxels: TaxelArray, kept: BoolArray) -> IntArray:
+def chains_of(taxels: TaxelArray, kept: BoolArray) -> IntArray:
     """Return the number of the chain of each kept board, shape (kept,); the largest is 0."""
-    index = taxels.index[kept]
-    pairs = skin.lattice.linked(index)
-    chain = components(len(index), pairs[:, 0], pairs[:, 1])
+    rows = np.flatnonzero(kept).tolist()
+    place = {taxels.ids[row]: k for k, row in enumerate(rows)}
+    ends = [
+        (place[taxels.ids[row]], place[b]) for row in rows for b in taxels.ports[row] if b is not None and b in place
+    ]
+    pairs = np.array(ends, np.int64).reshape(-1, 2)
+    chain = components(len(rows), pairs[:, 0], pairs[:, 1])
     sizes = np.bincount(chain, minlength=1)
     return np.argsort(np.argsort(-sizes, kind="stable"), kind="stable")[chain]
 
 
-def without_short_chains(
-    skins: Sequence[BoardSkin], taxels: Sequence[TaxelArray], kept: Sequence[BoolArray], least: int
-) -> list[BoolArray]:
+def without_short_chains(taxels: Sequence[TaxelArray], kept: Sequence[BoolArray], least: int) -> list[BoolArray]:
     """Return which boards of a link remain, for each skin: those of long chains, or all if no chain is long."""
     long = []
-    for skin, own, some in zip(skins, taxels, kept):
-        chain = chains_of(skin, own, some)
+    for own, some in zip(taxels, kept):
+        chain = chains_of(own, some)
         mask = some.copy()
         mask[some] = np.bincount(chain, minlength=1)[chain] >= least
         long.append(mask)

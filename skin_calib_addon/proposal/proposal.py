@@ -24,6 +24,7 @@ from ..robot.urdf import Robot
 from ..robot.zones import load_zones
 from .boards import boards_of_list, usable, with_cells
 from .candidates import axis_of
+from .chains import cable_length, chains_of, without_short_chains
 from .link_points import LinkPoints
 from .moved_plan import moved_plan
 from .one_skin import LinkSurfaces
@@ -48,6 +49,9 @@ class Proposal:
     free: float = 0.0  # of it, area that is open, and that no other link covers [m^2]
     cells: float = 0.0  # area of the cells of the skins on it [m^2]
     taxels: int = 0
+    chains: int = 0  # of boards that their ports connect
+    singles: int = 0  # of them, of one board
+    cables: float = 0.0  # straight, between the chains [m]
     fits: Mapping[str, SurfaceFit] = field(default_factory=dict, repr=False)  # of its surfaces, by their names
     warnings: tuple[str, ...] = ()  # what can be wrong with it; also among the reasons of the plan
     bare: str = ""  # the largest piece of the free area without skin, if it is large: place and reason; also a reason
@@ -80,7 +84,7 @@ def propose_link(
     target = _Target.of(link, mesh, file, unit, keep_out, begin)
     if target.free <= choice.least_area:
         words = (
-            f"At most {choice.least_area * 1e4:.0f} cm^2 are open and free of other links: no space for {choice.text}."
+            f"{target.free * 1e4:.0f} cm^2 are free, and {choice.text} needs {choice.least_area * 1e4:.0f}: no skin."
         )
         return Proposal(link, None, (target.sentence, words + target.why_covered), target.on.seen, target.free)
     found = propose_surfaces(seen_faces(mesh), target.on, axes, begin)
@@ -218,16 +222,20 @@ class _Target:
                 reasons.append(_left_out(proposed, str(problem)))
         surfaces, skins, taxels, cells, covered = [], [], 0, 0.0, np.zeros(len(self.on.points), bool)
         fits: dict[str, SurfaceFit] = {}
-        for proposed, skin, kept, areas in _without_conflicts(self.mesh, self.on, placed):
+        chains: list[Array] = []
+        for proposed, skin, kept, own in _without_conflicts(self.mesh, self.on, placed, choice.chain):
             if not kept.any():
-                problems[proposed.surface.name] = "its cells are hidden, or over those of others"
+                problems[proposed.surface.name] = "its cells are hidden, over those of others, or in short chains"
                 reasons.append(_left_out(proposed, problems[proposed.surface.name]))
                 continue
             surfaces.append(proposed.surface)
             fits[proposed.surface.name] = proposed.fit
             skins.append(replace(skin, name=f"{self.link}_{len(surfaces)}"))  # ids are unique on the robot
             taxels += int(kept.sum())
-            cells += float(areas[kept].sum())
+            cells += float(own.areas[kept].sum())
+            if isinstance(skin, BoardSkin):
+                number = chains_of(own, kept)
+                chains += [own.positions_link[kept][number == k] for k in range(number.max() + 1)]
             covered |= proposed.covered
             reasons.append(
                 f"{proposed.surface.name}: {proposed.reason}, adds {proposed.area * 1e4:.0f} cm^2; "
@@ -244,9 +252,13 @@ class _Target:
             return Proposal(self.link, None, (*reasons, words), self.on.seen, self.free)
         if bare := self._bare(covered, found, problems):
             reasons.append(bare)
+        singles, cables = sum(len(chain) == 1 for chain in chains), cable_length(chains)
+        if chains:
+            reasons.append(f"{counted(len(chains), 'chain')} of boards, {singles} of one board: {_cables(cables)}.")
         reasons.append(f"Cells cover {cells * 1e4:.0f} cm^2 of the free area, {cells / self.free:.0%} of it.")
         plan = Plan(self.link, self.file, self.unit, tuple(surfaces), tuple(skins), extra={"x_proposal": reasons})
-        return Proposal(self.link, plan, tuple(reasons), self.on.seen, self.free, cells, taxels, fits, bare=bare)
+        found_ = (cells, taxels, len(chains), singles, cables)
+        return Proposal(self.link, plan, tuple(reasons), self.on.seen, self.free, *found_, fits, bare=bare)
 
     def _bare(self, covered: BoolArray, found: Sequence[Proposed], problems: Mapping[str, str]) -> str:
         """Return where the largest piece of the free area without skin is, and why; empty if it is small."""
@@ -268,12 +280,25 @@ def _left_out(proposed: Proposed, why: str) -> str:
     return f"{proposed.reason}: {proposed.area * 1e4:.0f} cm^2, left out: {why}"
 
 
+def _cables(length: float) -> str:
+    """Return the length of the cables between chains in words."""
+    return f"about {length * 1e2:.0f} cm of straight cable between them"
+
+
 def _without_conflicts(
-    mesh: TriangleMesh, on: LinkPoints, placed: Sequence[tuple[Proposed, SheetSkin | BoardSkin, TaxelArray]]
-) -> Iterator[tuple[Proposed, SheetSkin | BoardSkin, BoolArray, Array]]:
-    """Yield the surfaces with their skins, without cells that conflict, which taxels remain, and the areas of all."""
+    mesh: TriangleMesh,
+    on: LinkPoints,
+    placed: Sequence[tuple[Proposed, SheetSkin | BoardSkin, TaxelArray]],
+    chain: int = 1,
+) -> Iterator[tuple[Proposed, SheetSkin | BoardSkin, BoolArray, TaxelArray]]:
+    """Yield the surfaces with their skins, without cells that conflict, which taxels remain, and all taxels.
+
+    Boards in chains shorter than ``chain`` are left out, unless the link has no longer one.
+    """
     boards = [(skin, taxels) for _, skin, taxels in placed if isinstance(skin, BoardSkin)]
-    of_boards = iter(usable(mesh, on, *zip(*boards)) if boards else ())
+    skins, taxels_of = [skin for skin, _ in boards], [taxels for _, taxels in boards]
+    some = usable(mesh, on, skins, taxels_of) if boards else []
+    of_boards = iter(without_short_chains(taxels_of, some, chain))
     sheets = [(skin, taxels) for _, skin, taxels in placed if isinstance(skin, SheetSkin)]
     of_sheets = iter(apart(mesh, on, sheets) if sheets else ())
     for proposed, skin, taxels in placed:
@@ -283,7 +308,7 @@ def _without_conflicts(
         else:
             kept = next(of_sheets)
             skin = without_cells(skin, taxels, kept)
-        yield proposed, skin, kept, taxels.areas
+        yield proposed, skin, kept, taxels
 
 
 def joint_axes(robot: Robot, link: str) -> Iterator[tuple[Axis, str]]:

@@ -28,12 +28,13 @@ from ..skin.single_taxels import SingleTaxel
 from ..skin.warnings import STRAIN_LIMIT
 from .boards import boards_on, open_cells
 from .candidates import DECIMALS
+from .chains import MIN_CHAIN
 from .link_points import LinkPoints
 from .trial import site_steps
 
 FORMS = (
-    'Write "hexagons:16.3mm" (length of a side), "sheet:6x22x10mm" (rows, columns, pitch), both also with '
-    '",gap=0.5mm" (of boards) and ",thickness=3mm", or the name of a file.'
+    'Write "hexagons:16.3mm" (length of a side), "sheet:6x22x10mm" (rows, columns, pitch), or the name of a file. '
+    'More: "hexagons:8mm,gap=0.5mm,thickness=3mm,chain=3" (of at least 3 boards), "sheet:6x22x10mm,thickness=3mm".'
 )
 DEFAULT_SKIN = "hexagons:8mm"  # on eight real links these cover twice the area that boards of TUM cover
 
@@ -48,6 +49,7 @@ class SkinChoice:
 
     template: SheetSkin | BoardSkin
     text: str  # as the author wrote it
+    chain: int = MIN_CHAIN  # boards of the shortest chain, unless a link has no longer one
     is_wanted: bool = False  # whether the author named the links: they may be of any size
 
     @property
@@ -70,13 +72,15 @@ class Form(NamedTuple):
     columns: int = 1
     gap: float | None = None  # between boards [mm]; None: the usual one
     thickness: float | None = None  # of a board or sheet [mm]; None: none
+    chain: int | None = None  # boards of the shortest chain; None: the usual number
 
     @property
     def text(self) -> str:
         """The text that describes boards or a sheet."""
         size = f"{self.rows}x{self.columns}x" if self.kind == "sheet" else ""
         more = (f",{name}={v:g}mm" for name in ("gap", "thickness") if (v := getattr(self, name)) is not None)
-        return f"{self.kind}:{size}{self.length:g}mm{''.join(more)}"
+        chain = "" if self.chain is None else f",chain={self.chain}"
+        return f"{self.kind}:{size}{self.length:g}mm{''.join(more)}{chain}"
 
 
 def form_of(text: str) -> Form:
@@ -84,13 +88,15 @@ def form_of(text: str) -> Form:
     if text == "hexagons":
         return Form("hexagons", 1e3 * SIDE)
     found = re.fullmatch(
-        r"(hexagons|sheet):(?:(\d+)x(\d+)x)?(\d+(?:\.\d*)?)mm(?:,gap=(-?\d+(?:\.\d*)?)mm)?(?:,thickness=(\d+(?:\.\d*)?)mm)?",
+        r"(hexagons|sheet):(?:(\d+)x(\d+)x)?(\d+(?:\.\d*)?)mm(?:,gap=(-?\d+(?:\.\d*)?)mm)?(?:,thickness=(\d+(?:\.\d*)?)mm)?"
+        r"(?:,chain=(\d{1,4}))?",
         text,
     )
-    if found is None or (found[1] == "sheet") != bool(found[2]) or found[1] == "sheet" and found[5]:
+    if found is None or (found[1] == "sheet") != bool(found[2]) or found[1] == "sheet" and (found[5] or found[7]):
         return Form("file")
-    gap, thickness = (None if word is None else real(word) for word in found.groups()[4:])
-    return Form(found[1], real(found[4]), int(found[2] or 1), int(found[3] or 1), gap, thickness)
+    gap, thickness = (None if word is None else real(word) for word in found.groups()[4:6])
+    chain = None if found[7] is None else int(found[7])
+    return Form(found[1], real(found[4]), int(found[2] or 1), int(found[3] or 1), gap, thickness, chain)
 
 
 def parse_skin(text: str) -> SkinChoice:
@@ -100,7 +106,8 @@ def parse_skin(text: str) -> SkinChoice:
     more = {} if form.thickness is None else {"offset": round(form.thickness * 5e-4, 9)}
     if form.kind == "hexagons":
         more |= {} if form.gap is None else {"gap": round(form.gap * 1e-3, 9)}
-        return _choice({"kind": "hexagons", "side": length} | more, text)
+        choice = _choice({"kind": "hexagons", "side": length} | more, text)
+        return choice if form.chain is None else replace(choice, chain=form.chain)
     if form.kind == "sheet":
         size_of = {"rows": form.rows, "columns": form.columns, "pitch": [length, length]}
         return _choice({"kind": "sheet"} | size_of | more, text)

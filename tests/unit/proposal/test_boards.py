@@ -30,6 +30,7 @@ def flat_boards(shift):
         normals_link=normals,
         tangents_link=tangents,
         corners_link=corners,
+        ports=((None,) * 6,) * len(cells),
     )
 
 

@@ -94,7 +94,8 @@ def test_all_sides_of_a_box_are_covered():
 )
 def test_link_without_skin_states_why_none_fits_on_the_largest_surface(tmp_path, skin, words):
     """Cells can be too small, too."""
-    found = proposed(box((0, 0, 0), (0.06, 0.05, 0.04)), tmp_path, skin)
+    wanted = replace(parse_skin(skin), is_wanted=True)
+    found = propose_link("link", box((0, 0, 0), (0.06, 0.05, 0.04)), tmp_path / "link.ply", "m", wanted)
     assert found.plan is None and found.reasons[-1].startswith("No skin fits on ")
     assert " of up to 30 cm^2. The largest: " in found.reasons[-1] and words in found.reasons[-1]
 
@@ -239,7 +240,7 @@ def test_proposal_is_a_plan_that_can_be_carried_out(tube, tmp_path, skin):
     assert sum(len(p.taxels.ids) for p in result.calibration.patches) == proposal.taxels > 30
     areas = sum(p.taxels.areas.sum() for p in result.calibration.patches)
     assert proposal.cells == pytest.approx(areas, rel=1e-6)
-    assert len(plan.extra["x_proposal"]) == 2 + 3  # a tube and its ends
+    assert len(plan.extra["x_proposal"]) == 2 + 3 + (proposal.chains > 0)  # a tube and its ends
     covered = f"Cells cover {areas * 1e4:.0f} cm^2 of the free area, {areas / proposal.free:.0%} of it."
     assert plan.extra["x_proposal"][-1] == covered
     for patch in result.calibration.patches:
@@ -308,9 +309,9 @@ def test_link_without_free_area_gets_a_reason(tmp_path):
     """A small link: no plan, and a sentence; the least area is that of six boards, or none for links that are named."""
     ball = welded(trimesh.creation.icosphere(3, 0.008))
     proposal = proposed(ball, tmp_path)
-    assert proposal.plan is None and proposal.reasons[-1].startswith("At most 10 cm^2 are open and free of other links")
+    assert proposal.plan is None and proposal.reasons[-1] == "8 cm^2 are free, and hexagons:8mm needs 10: no skin."
     wanted = replace(parse_skin("hexagons:8mm"), is_wanted=True)
-    assert "At most" not in propose_link("link", ball, tmp_path / "link.ply", "m", wanted).reasons[-1]
+    assert "needs" not in propose_link("link", ball, tmp_path / "link.ply", "m", wanted).reasons[-1]
     assert parse_skin("sheet:4x5x10mm").least_area == pytest.approx(20e-4)
 
 
@@ -354,7 +355,14 @@ def test_gap_and_thickness_of_a_skin():
     assert parse_skin("hexagons:8mm").template.lattice.gap == 0.0
     for text in ("hexagons:8mm,gap=0.5mm,thickness=3mm", "hexagons:8mm,gap=-1mm", "sheet:4x5x10mm,thickness=2mm"):
         assert form_of(text).text == text
-    for text in ("sheet:4x5x10mm,gap=1mm", "hexagons:8mm,thickness=3mm,gap=1mm", "hexagons:8mm,"):
+    assert (parse_skin("hexagons:8mm,chain=5").chain, parse_skin("hexagons:8mm").chain) == (5, 3)
+    assert form_of("hexagons:8mm,gap=1mm,chain=1").text == "hexagons:8mm,gap=1mm,chain=1"
+    for text in (
+        "sheet:4x5x10mm,gap=1mm",
+        "sheet:4x5x10mm,chain=2",
+        "hexagons:8mm,thickness=3mm,gap=1mm",
+        "hexagons:8mm,",
+    ):
         with pytest.raises(InvalidPlan, match="is not a skin"):
             parse_skin(text)
 
@@ -432,9 +440,9 @@ def test_totals_are_of_the_plans_that_are_made(tmp_path, capsys):
     out = capsys.readouterr().out
     cells, free, part = map(int, re.search(r"cells cover (\d+) of (\d+) cm\^2 free \((\d+)%\)", out).groups())
     assert 0 < cells < free and part == pytest.approx(100 * cells / free, abs=3)  # areas are rounded
-    assert f"1 link, 1 plan; cells cover {cells} cm^2, {part}% of the free area and" in out
+    assert f"1 link, 1 plan; 12 taxels, cells cover {cells} cm^2, {part}% of the free area and" in out
     assert main(words) == 0
-    assert "2 links, 2 plans; without those kept, cells cover" in capsys.readouterr().out
+    assert "2 links, 2 plans; without those kept, 12 taxels, cells cover" in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -503,10 +511,10 @@ def test_blender_keeps_the_directions_of_a_proposal(tube):
 
 
 @pytest.mark.slow
-def test_stated_area_is_that_of_surfaces_with_skin(tmp_path):
-    """Boards of 20 mm fit on the two largest faces of a box only: those alone count as covered."""
+def test_stated_area_is_that_of_cells(tmp_path):
+    """Boards of 20 mm fit on the two largest faces of a box only, one on each."""
     proposal = proposed(welded(subdivided(box((0, 0, 0), (0.06, 0.05, 0.03)))), tmp_path, "hexagons:20mm")
     assert len(proposal.plan.surfaces) == 2 and "left out" in " ".join(proposal.reasons)
-    assert 0.75 * 2 * 0.06 * 0.05 < proposal.covered <= 2 * 0.06 * 0.05
+    assert (proposal.chains, proposal.singles) == (2, 2) and proposal.cables == pytest.approx(0.03, abs=0.002)
     assert proposal.cells == pytest.approx(2 * 1.5 * 3**0.5 * 0.02**2, rel=1e-6)
-    assert f"cover {proposal.covered * 1e4:.0f} cm^2" in proposal.reasons[-1]
+    assert f"cover {proposal.cells * 1e4:.0f} cm^2" in proposal.reasons[-1]
