@@ -54,7 +54,10 @@ DATA = ROOT.parent / "shared" / "data" / "robots"
 ROBOTS = {
     "G1": DATA / "g1_description" / "g1_29dof_rev_1_0.urdf",
     "JVRC-1": DATA / "jvrc_description" / "urdf" / "jvrc1.urdf",
+    "FR3": DATA / "franka_description" / "robots" / "fr3" / "fr3.urdf",
+    "T1": DATA / "t1_description" / "T1_serial.urdf",
 }
+DRAWN = "G1", "JVRC-1"  # in the documentation
 FINE = 5e-3  # [m] longest side of faces in the picture
 LIFT = 1e-3  # [m] above the surface, from where a taxel looks outward
 PARTNERS = 1e-3  # [m] distance of a taxel from the mirror image of another one up to which they belong together
@@ -108,7 +111,7 @@ def main() -> None:
             folder = options.keep / name if options.keep else Path(temporary)
             folder.mkdir(parents=True, exist_ok=True)
             columns[name] = column(urdf, folder, options)
-            if options.write and not options.urdf:
+            if options.write and name in DRAWN:
                 draw(urdf, folder, PAGE.parents[1] / f"robot_{name.lower().replace('-', '')}.png")
     if not columns:
         return
@@ -229,23 +232,26 @@ def peak_memory(process):
 def of_proposal(urdf, folder, said):
     """Return the rows that the program itself states."""
     per_link = re.findall(
-        r"^(\S+) +(\d+) surfaces?, (\d+) taxels?; cells cover (\d+) of (\d+) cm\^2 free \(\d+%\), (\d+) cm\^2",
+        r"^(\S+) +(\d+) surfaces?, (\d+) taxels?[^;]*; cells cover (\d+) of (\d+) cm\^2 free \(\d+%\), (\d+) cm\^2",
         said,
         re.M,
     )
     refused = re.findall(r"^(\S+) +no plan: (.*)$", said, re.M)
     surfaces, taxels = (sum(int(row[k]) for row in per_link) for k in (1, 2))
     robot = read_robot(urdf)
-    reasons = Counter(reason.partition(" Others cover")[0] for _, reason in refused)  # without names of links
+    # Without areas and names of links.
+    reasons = Counter(re.sub(r"^\d+ cm\^2 are", "Less are", r.partition(" Others cover")[0]) for _, r in refused)
     seconds = re.findall(r"^(.+) took ([\d.]+) s with (\d+) processes, ([\d.]+) s of CPU, (\d+) MB", said, re.M)
     left_out = sum(left_out_area(path.read_text()) for path in folder.glob("*.plan.json"))
     total = re.findall(r"cover (\d+) cm\^2, (\d+)% of the free area and (\d+)% of the area that can", said)[-1]
+    chains = re.findall(r"in (\d+) chains? \((\d+) of one, ([\d.]+) m of cable between them\), cells", said)
     worst = sorted(per_link, key=lambda row: int(row[3]) - int(row[4]))[:3]
     return {
         "links, with a mesh, with a plan": f"{len(robot.links)}, {len(links_with_mesh(robot))}, {len(per_link)}",
         "links without a plan": "; ".join(f"{n}: {reason}" for reason, n in reasons.items()) or "none",
         "links that failed": "; ".join(re.findall(r"^(\S+) +failed", said, re.M)) or "none",
         "surfaces, boards": f"{surfaces}, {taxels}",
+        "chains, of one board, cables between chains": "{}, {}, {} m".format(*chains[-1]) if chains else "none",
         "cells cover": f"{total[1]} % of the free, {total[2]} % of the visible area",
         "area of surfaces that were left out, because no skin fits": f"{left_out} cm²",
         "most free area without a cell": "; ".join(
