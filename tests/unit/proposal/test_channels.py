@@ -36,7 +36,7 @@ def propose_links(tmp_path, monkeypatch):
         if task.link in refused:
             return Outcome(task, Proposal(task.link, None, ("No skin.",)) if refused[task.link] else None, "Broken.")
         plan = Plan(task.link, task.file.absolute(), "m", (SURFACE,), (SHEET, BOARDS))
-        return Outcome(task, Proposal(task.link, plan, ("",), 1e-2, 1e-2, 1e-2, 1e-2, taxels=3))
+        return Outcome(task, Proposal(task.link, plan, ("",), 1e-2, 1e-2, 1e-2, taxels=3))
 
     monkeypatch.setattr(propose, "propose_task", stub)
     save_mesh(box((0, 0, 0), (0.1, 0.1, 0.1)), tmp_path / "box.ply")
