@@ -4,8 +4,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from ..common.arrays import Array, unit
+from ..common.arrays import Array, BoolArray, unit
 from ..geometry.grid.axis import Axis
 from ..geometry.grid.grids import Across, Region, Tube
 from ..geometry.mesh.cover import CoverSpec, Cut, cut_cover
@@ -28,6 +29,16 @@ SAME_COSINE = np.cos(np.deg2rad(8.0))
 # [m] height above a face from which on another part of the link is in front of it. Larger: narrower gaps of forks and
 # grippers have no skin. Derived: an inclined face rises by less within a cell of ``POINT_DISTANCE``.
 MIN_GAP = 2.5 * POINT_DISTANCE
+# [cosine] between the normals of a flat face and their mean. Larger: faces that bend a little are not flat.
+FLAT_COSINE = np.cos(np.deg2rad(2.0))
+# [m] width of the rim of a flat face that shows whether the face ends at edges. Larger: rounder edges are edges.
+RIM_WIDTH = 12e-3
+# [cosine] between the normals of a flat face and its rim above which the face continues there. Larger: as RIM_WIDTH.
+RIM_COSINE = np.cos(np.deg2rad(30.0))
+# [1] Largest area of the rim where a flat face continues, in areas of the face. Larger: flat parts are cut out of bent
+# shells (without a limit 751 instead of 925 boards on the trunk of a T1); smaller: soles with round edges have no
+# surface of their own (that of the T1 has 0.09).
+MAX_SMOOTH_RIM = 0.12
 # [1] decimals of the heights of cuts [m]. Larger: small differences of the mesh move them.
 CUT_DECIMALS = 3
 # [1] decimals of points [m] and directions. Larger: Blender has another plan. Format: what single precision keeps.
@@ -77,6 +88,35 @@ def candidates(on: LinkPoints, axes: Iterable[tuple[Axis, str]], least: float) -
         yield Candidate(region, f"face {k}")
         for cut in cuts_in_front(on, np.array(region.normal), least):
             yield Candidate(region, f"face {k}, behind another part of the link", (cut,))
+
+
+def flat_faces(on: LinkPoints, least: float) -> Iterator[tuple[Candidate, BoolArray]]:
+    """Yield the flat faces of at least an area [m^2], the largest of each direction first, and their points (k,)."""
+    left = on.free.copy()
+    for direction in face_directions(on):
+        while True:
+            facing = on.wanted & left & (on.normals @ direction > SAME_COSINE)
+            normal = unit(on.areas[facing] @ on.normals[facing])
+            rows = np.flatnonzero(on.wanted & left & (on.normals @ normal > FLAT_COSINE))
+            rows = rows[np.argsort(on.points[rows] @ normal, kind="stable")]
+            heights, areas = on.points[rows] @ normal, np.append(0.0, np.cumsum(on.areas[rows]))
+            ends = np.searchsorted(heights, heights + MAX_DISTANCE)
+            sums = areas[ends] - areas[:-1]
+            if sums.max(initial=0.0) < least:
+                break
+            first = int(sums.argmax())
+            points = np.zeros(len(left), bool)
+            points[rows[first : ends[first]]] = True
+            if ends_at_edges(on, points, normal):
+                yield Candidate(Across(normal=tuple(np.round(normal, DECIMALS).tolist())), "flat face"), points
+            left &= ~points
+
+
+def ends_at_edges(on: LinkPoints, points: BoolArray, normal: Array) -> bool:
+    """Return whether a link bends away around a flat face; if it does not, one surface covers more than the face."""
+    around = ~points & np.isfinite(cKDTree(on.points[points]).query(on.points, distance_upper_bound=RIM_WIDTH)[0])
+    smooth = around & (on.normals @ normal > RIM_COSINE)
+    return bool(on.areas[smooth].sum() <= MAX_SMOOTH_RIM * on.areas[points].sum())
 
 
 def cuts_in_front(on: LinkPoints, normal: Array, least: float) -> Iterator[Cut]:

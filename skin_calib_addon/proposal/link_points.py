@@ -1,5 +1,7 @@
 """The open outside of a link as points: where they are, which of them can carry skin, and which already do."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -57,6 +59,15 @@ class LinkPoints:
         """Mark points (k,) as covered by a surface."""
         self.covered[points] = True
         self.taken[self._next_to(points)] = True
+
+    @contextmanager
+    def only(self, points: BoolArray) -> Iterator[None]:
+        """Want no other points than given ones (k,) in the meantime."""
+        taken = self.taken.copy()
+        self.taken[~points] = True
+        yield
+        self.taken[:] = taken
+        self.cover(self.covered)
 
     def _next_to(self, points: BoolArray) -> BoolArray:
         """Return which points are next to, or among, given ones, shapes (k,)."""

@@ -21,7 +21,7 @@ from ..geometry.surface.bspline import BSplineSurface
 from ..pipeline.calibrate import refuse_errors
 from ..plan.plan import Surface
 from ..skin.boards.ground import MAX_ANGLE, MAX_DISTANCE
-from .candidates import DECIMALS, Candidate, candidates
+from .candidates import DECIMALS, Candidate, candidates, flat_faces
 from .link_points import POINT_DISTANCE, LinkPoints
 from .loops import Loops, loops_around
 from .trial import Start, Trial, judged, region_size
@@ -29,6 +29,8 @@ from .trial import Start, Trial, judged, region_size
 # [m^2] that a surface adds. Larger: fewer surfaces, less is covered, less time (4 cm^2: 5958 cm^2 with 101 surfaces,
 # 7 cm^2: 5858 with 85, instead of 5952 with 100 on the G1, before ``BOUNDARY_OPENING``).
 MIN_AREA = 5e-4
+# [m^2] of a flat face, such as a sole, that has a surface of its own. Larger: tubes take strips of more of them.
+MIN_FLAT_AREA = 50e-4
 # [fraction] of the free area of a link that each surface after the first adds. Larger: fewer surfaces on large links,
 # above 0.25 m^2. Without it the torso of a Baxter, 1.2 m^2, has more than 120 of them.
 MIN_FRACTION = 2e-3
@@ -66,8 +68,10 @@ def propose_surfaces(
     begin: Callable[[str], None] = lambda stage: None,
 ) -> tuple[Proposed, ...]:
     """Return surfaces that cover most of what is free on a link; ``on.covered`` has what they cover."""
+    if not on.wanted.any():
+        return ()
+    found = on_flat_faces(seen, on, begin)
     pool = [Tried(c, c.bound(on)) for c in candidates(on, axes, MIN_AREA)] if on.wanted.any() else []
-    found: list[Proposed] = []
     least = max(MIN_AREA, MIN_FRACTION * float(on.areas[on.wanted].sum()))
     while True:  # each surface adds an area
         begin(f"surface {len(found) + 1}")
@@ -80,6 +84,19 @@ def propose_surfaces(
             pool = [tried for tried in pool if tried.candidate is not candidate]
         else:
             found.append(proposed)
+
+
+def on_flat_faces(seen: TriangleMesh, on: LinkPoints, begin: Callable[[str], None]) -> list[Proposed]:
+    """Return surfaces on large flat faces, before tubes take strips of them: boards are densest on a plane."""
+    found: list[Proposed] = []
+    for candidate, points in flat_faces(on, MIN_FLAT_AREA):
+        begin(f"surface {len(found) + 1}")
+        with on.only(points):
+            best = best_of([Tried(candidate, candidate.bound(on))], seen, on, MIN_FLAT_AREA)
+            proposed = boundary_of(seen, on, *best, len(found) + 1) if best else None
+        if proposed is not None:
+            found.append(proposed)
+    return found
 
 
 @dataclass(eq=False)

@@ -21,7 +21,7 @@ from skin_calib_addon.geometry.surface.footpoints import footpoints
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan, plan_document, plan_from
 from skin_calib_addon.plan.plan import Surface
-from skin_calib_addon.proposal.candidates import candidates, cuts_in_front
+from skin_calib_addon.proposal.candidates import candidates, cuts_in_front, flat_faces
 from skin_calib_addon.proposal.link_points import LinkPoints
 from skin_calib_addon.proposal.loops import chains, loops_around, simplified
 from skin_calib_addon.proposal.proposal import propose_link
@@ -159,6 +159,35 @@ def test_small_parts_of_large_links_stay_without_a_surface(monkeypatch):
         assert [round(p.area / 0.0045, 1) for p in found] == [1.0] * count
 
 
+def bar(profile):
+    """An open bar along x with a profile (n, 2), counter-clockwise."""
+    n = len(profile)
+    ends = [np.column_stack((np.full(n, x), profile)) for x in (0, 0.15)]
+    i, j = np.arange(n), np.roll(np.arange(n), -1)
+    quads = np.concatenate((np.column_stack((i, j, j + n)), np.column_stack((i, j + n, i + n))))
+    return weld(np.concatenate(ends), quads[:, ::-1])
+
+
+ARC = np.column_stack([k(np.linspace(0, np.pi, 33)) for k in (np.cos, np.sin)])
+
+
+def test_a_flat_side_has_a_surface_of_its_own():
+    """Of a bar with a D as its profile: a tube about it, which covers more, takes no strip of the flat side."""
+    mesh = bar(0.045 * ARC)
+    on = LinkPoints.of(mesh)
+    first, *others = propose_surfaces(mesh, on)
+    flat = on.normals[:, 2] < -0.999
+    assert first.reason == "flat face" and others
+    assert on.areas[first.covered].sum() > 0.85 * on.areas[flat].sum() and flat[first.covered].all()
+
+
+def test_flat_sides_that_continue_in_a_bend_are_not_cut_out():
+    """Of a bar with two flat sides and round edges, which one tube covers."""
+    on = LinkPoints.of(bar(np.concatenate((0.03 * ARC + (0, 0.03), -0.03 * ARC - (0, 0.03)))))
+    assert on.areas[np.abs(on.normals[:, 1]) > 0.999].sum() > 2 * 80e-4
+    assert not list(flat_faces(on, 50e-4))
+
+
 @pytest.mark.parametrize("turn", [0, 40])
 def test_a_flat_plate_is_covered(turn):
     """No normal is across the direction that normals avoid: also where rounding leaves nothing of them."""
@@ -167,7 +196,7 @@ def test_a_flat_plate_is_covered(turn):
     frame = np.array([(1, 0, 0), (0, np.cos(angle), -np.sin(angle)), (0, np.sin(angle), np.cos(angle))])
     mesh = TriangleMesh(corners @ frame.T, np.array([(0, 1, 2), (0, 2, 3)]))
     on = LinkPoints.of(mesh)
-    assert [p.reason.split()[0] for p in propose_surfaces(mesh, on)] == ["face"]
+    assert [p.reason for p in propose_surfaces(mesh, on)] == ["flat face"]
     assert on.areas[on.covered].sum() > 0.75 * on.areas.sum()
 
 
