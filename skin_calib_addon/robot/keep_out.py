@@ -42,7 +42,7 @@ POSES = 9
 MAX_VIEW_TRAVEL = 1.0
 # [pixels] width of the buffers, about. Larger: large robots are more exact, and take more memory (60 buffers for each
 # pose).
-MAX_VIEW_WIDTH = 500
+MAX_VIEW_WIDTH = 250
 # [pixels of the buffers] height from which on a link hides a part of itself in a pose. Smaller: what it hides counts
 # twice, and coarsely.
 OWN_HEIGHT = 2.0
