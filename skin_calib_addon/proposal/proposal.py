@@ -143,7 +143,12 @@ def propose_twin(
         proposal = target.proposal(found, skin_of, choice, begin)
     except SkinCalibError:
         return None
-    words = f"The link is {'the mirror image of' if twin.is_mirrored else 'equal to'} {former.link}, and has its plan."
+    words = f"The link is {'the mirror image of' if twin.is_mirrored else 'equal to'} {former.link}, and has its plan"
+    if proposal.taxels != former.taxels:
+        words += (
+            f", with {proposal.taxels} instead of {former.taxels} taxels: joints, neighbours and mesh differ a little"
+        )
+    words += "."
     if proposal.plan is None or proposal.cells < MIN_TWIN_FRACTION * former.cells:
         return None
     reasons = (words, *proposal.reasons)

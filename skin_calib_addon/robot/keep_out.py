@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray
+from ..common.arrays import Array, BoolArray, IntArray
 from ..common.errors import UnknownLink
 from ..common.findings import did_you_mean, show
 from ..geometry.mesh.distance_field import DistanceField
@@ -82,9 +82,9 @@ class KeepOut:
                 free = np.flatnonzero(found == "")
                 found[free[_Motion(path, self._field(mesh), self.radius).is_met(balls[free])]] = other
         found[found == ""] = self._met_at_home(link, balls[found == ""])
-        hidden = np.flatnonzero(found == "")
+        hidden, number = np.flatnonzero(found == ""), list(self.robot.links).index(link)
         for view in self.views:
-            hidden = hidden[view.openness(link, points[hidden], normals[hidden]) <= MIN_OPEN]
+            hidden = hidden[view.openness(link, number, points[hidden], normals[hidden]) <= MIN_OPEN]
         found[hidden] = HIDDEN
         return found
 
@@ -96,7 +96,9 @@ class KeepOut:
             return ()
         distance = point_distance(TriangleMesh(*stacked([(mesh.vertices, mesh.faces) for _, mesh in parts])))
         points = [(link, sample_faces(mesh, distance)[0]) for link, mesh in parts]
-        return tuple(_View.of(points, poses, distance) for poses in spread_poses(self.robot, POSES))
+        number = {link: k for k, link in enumerate(self.robot.links)}
+        links = np.repeat([number[link] for link, _ in points], [len(p) for _, p in points])  # the same for all poses
+        return tuple(_View.of(points, links, poses, distance) for poses in spread_poses(self.robot, POSES))
 
     def _around(self, link: str) -> Iterator[tuple[str, TriangleMesh, tuple[Leg, ...]]]:
         """Yield the meshes and shapes of a link and of those around it: name, mesh, and path to its frame."""
@@ -136,20 +138,22 @@ class _View:
 
     poses: Mapping[str, Array]
     buffers: DepthBuffers
-    links: Array  # of the points of the buffers
+    links: IntArray  # numbers of the links of the points of the buffers
 
     @classmethod
-    def of(cls, points: Sequence[tuple[str, Array]], poses: Mapping[str, Array], distance: float) -> "_View":
+    def of(
+        cls, points: Sequence[tuple[str, Array]], links: IntArray, poses: Mapping[str, Array], distance: float
+    ) -> "_View":
         """Fill the buffers with the points (k, 3) of all links in their frames [m]."""
         moved = [p @ poses[link][:3, :3].T + poses[link][:3, 3] for link, p in points]
-        links, every = np.repeat([link for link, _ in points], [len(p) for p in moved]), np.concatenate(moved)
+        every = np.concatenate(moved)
         widest = float(np.linalg.norm(np.ptp(every, axis=0)))
         return cls(poses, DepthBuffers.of(every, max(distance, widest / MAX_VIEW_WIDTH)), links)
 
-    def openness(self, link: str, points: Array, normals: Array) -> Array:
+    def openness(self, link: str, number: int, points: Array, normals: Array) -> Array:
         """Return how open the space above points (k, 3) of a link is, shape (k,): 0 is hidden, 1 is free."""
         pose = self.poses[link]
-        least = np.where(self.links == link, OWN_HEIGHT * self.buffers.pixel, HIDING_HEIGHT)
+        least = np.where(self.links == number, OWN_HEIGHT * self.buffers.pixel, HIDING_HEIGHT)
         return self.buffers.openness(points @ pose[:3, :3].T + pose[:3, 3], normals @ pose[:3, :3].T, least)[0]
 
 
