@@ -604,7 +604,6 @@ BOARDS = Record(
             default=None,
             otherwise="none; with a side of 16.3 mm boards trimmed as those of the TUM skin, with a pitch of 27.75 mm",
             switch=Switch("auto_gap", "Standard Gap"),
-            always=True,
         ),
         Key(
             "cells",

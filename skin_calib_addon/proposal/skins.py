@@ -105,7 +105,8 @@ def parse_skin(text: str) -> SkinChoice:
     length = round(form.length * 1e-3, 9)  # [m]
     more = {} if form.thickness is None else {"offset": round(form.thickness * 5e-4, 9)}
     if form.kind == "hexagons":
-        more |= {} if form.gap is None else {"gap": round(form.gap * 1e-3, 9)}
+        gap = 0.0 if form.gap is None and length != SIDE else form.gap
+        more |= {} if gap is None else {"gap": round(gap * 1e-3, 9)}
         choice = _choice({"kind": "hexagons", "side": length} | more, text)
         return choice if form.chain is None else replace(choice, chain=form.chain)
     if form.kind == "sheet":

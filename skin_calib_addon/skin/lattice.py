@@ -107,21 +107,25 @@ class HexLattice:
     """
 
     side: float  # [m]
-    gap: float = None  # type: ignore[assignment]  # [m]
+    gap: float | None = None  # [m]
 
     def __post_init__(self):
-        if self.gap is None:
-            object.__setattr__(self, "gap", GAP if self.side == SIDE else 0.0)
         if self.side <= 0 or self.pitch <= 0:
             raise InvalidPlan(
-                f"hexagons with sides of {self.side * 1e3:g} mm and gaps of {self.gap * 1e3:g} mm have no area or no "
+                f"hexagons with sides of {self.side * 1e3:g} mm and gaps of {self.spacing * 1e3:g} mm have no area or no "
                 "pitch. Increase the side or the gap"
             )
 
     @property
+    def spacing(self) -> float:
+        """The gap, stated or not [m]."""
+        usual = GAP if self.side == SIDE else 0.0
+        return usual if self.gap is None else self.gap
+
+    @property
     def pitch(self) -> float:
         """Distance between the centres of neighbours [m]."""
-        return float(np.sqrt(3)) * self.side + self.gap
+        return float(np.sqrt(3)) * self.side + self.spacing
 
     @property
     def row_step(self) -> float:

@@ -115,4 +115,4 @@ def test_last_channel_of_a_skin_may_be_the_highest():
 def test_boards_of_another_side_have_no_gap_of_tum(stated, gap):
     """That of TUM is negative: smaller boards with it would overlap."""
     (skin,) = skins_from([{"name": "sole", "kind": "hexagons"} | stated])
-    assert skin.lattice.gap == pytest.approx(gap, abs=1e-5)
+    assert skin.lattice.spacing == pytest.approx(gap, abs=1e-5)
