@@ -112,8 +112,8 @@ class HexLattice:
     def __post_init__(self):
         if self.side <= 0 or self.pitch <= 0:
             raise InvalidPlan(
-                f"hexagons with sides of {self.side * 1e3:g} mm and gaps of {self.spacing * 1e3:g} mm have no area or no "
-                "pitch. Increase the side or the gap"
+                f"hexagons with sides of {self.side * 1e3:g} mm and gaps of {self.spacing * 1e3:g} mm have no area or "
+                "no pitch. Increase the side or the gap"
             )
 
     @property
