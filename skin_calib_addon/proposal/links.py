@@ -174,7 +174,7 @@ def groups(tasks: Sequence[Task]) -> list[list[Task]]:
 
 
 def areas(tasks: Sequence[Task]) -> list[float]:
-    """Return the areas of the links [m^2], which are about proportional to the time that they take."""
+    """Return the areas of the links [m^2], to which the time that they take is about proportional."""
     return [_area(task) for task in tasks]
 
 

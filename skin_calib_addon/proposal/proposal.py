@@ -259,11 +259,24 @@ class _Target:
             reasons.append(bare)
         singles, cables = sum(len(chain) == 1 for chain in chains), cable_length(chains)
         if chains:
-            reasons.append(f"{counted(len(chains), 'chain')} of boards, {singles} of one board: {_cables(cables)}.")
+            cable = f"about {cables * 1e2:.0f} cm of straight cable between them"
+            reasons.append(f"{counted(len(chains), 'chain')} of boards, {singles} of one board: {cable}.")
         reasons.append(f"Cells cover {cells * 1e4:.0f} cm^2 of the free area, {cells / self.free:.0%} of it.")
         plan = Plan(self.link, self.file, self.unit, tuple(surfaces), tuple(skins), extra={"x_proposal": reasons})
-        found_ = (cells, taxels, len(chains), singles, cables)
-        return Proposal(self.link, plan, tuple(reasons), self.on.seen, self.free, *found_, fits, bare=bare)
+        return Proposal(
+            self.link,
+            plan,
+            tuple(reasons),
+            self.on.seen,
+            self.free,
+            cells,
+            taxels,
+            chains=len(chains),
+            singles=singles,
+            cables=cables,
+            fits=fits,
+            bare=bare,
+        )
 
     def _bare(self, covered: BoolArray, found: Sequence[Proposed], problems: Mapping[str, str]) -> str:
         """Return where the largest piece of the free area without skin is, and why; empty if it is small."""
@@ -283,11 +296,6 @@ class _Target:
 
 def _left_out(proposed: Proposed, why: str) -> str:
     return f"{proposed.reason}: {proposed.area * 1e4:.0f} cm^2, left out: {why}"
-
-
-def _cables(length: float) -> str:
-    """Return the length of the cables between chains in words."""
-    return f"about {length * 1e2:.0f} cm of straight cable between them"
 
 
 def _without_conflicts(

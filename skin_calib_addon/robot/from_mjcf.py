@@ -117,7 +117,7 @@ def _visual(model: Any, body: int, name: str, shown: Array, meshes: Path) -> str
 
 
 def _triangles(model: Any, geom: int) -> tuple[Array, IntArray] | None:
-    """Return vertices in the frame of the body [m], and faces; None of planes, height fields and others."""
+    """Return vertices (n, 3) [m] in the frame of the body and faces (m, 3); None of planes and height fields."""
     import mujoco
 
     kinds = mujoco.mjtGeom

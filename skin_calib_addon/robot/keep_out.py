@@ -15,6 +15,7 @@ import numpy as np
 from ..common.arrays import Array, BoolArray, IntArray
 from ..common.errors import UnknownLink
 from ..common.findings import did_you_mean, show
+from ..geometry.components import components
 from ..geometry.mesh.distance_field import DistanceField
 from ..geometry.mesh.face_points import sample_faces
 from ..geometry.mesh.triangle_mesh import TriangleMesh, stacked
@@ -82,11 +83,21 @@ class KeepOut:
                 free = np.flatnonzero(found == "")
                 found[free[_Motion(path, self._field(mesh), self.radius).is_met(balls[free])]] = other
         found[found == ""] = self._met_at_home(link, balls[found == ""])
-        hidden, number = np.flatnonzero(found == ""), list(self.robot.links).index(link)
+        hidden, links = np.flatnonzero(found == ""), list(self.robot.links)
+        can_hide = np.array([self._groups[other] == self._groups[link] for other in links])
         for view in self.views:
-            hidden = hidden[view.openness(link, number, points[hidden], normals[hidden]) <= MIN_OPEN]
+            is_open = view.openness(link, links.index(link), can_hide, points[hidden], normals[hidden]) > MIN_OPEN
+            hidden = hidden[~is_open]
         found[hidden] = HIDDEN
         return found
+
+    @cached_property
+    def _groups(self) -> dict[str, int]:
+        """Return a number for each link, the same for those whose poses are known relative to each other."""
+        number = {link: k for k, link in enumerate(self.robot.links)}
+        joints = [joint for joint in self.robot.joints.values() if joint.type in (*ONE_AXIS, "fixed")]
+        ends = np.array([(number[joint.parent], number[joint.child]) for joint in joints], np.int64).reshape(-1, 2)
+        return dict(zip(number, components(len(number), ends[:, 0], ends[:, 1]).tolist()))
 
     @cached_property
     def views(self) -> tuple["_View", ...]:
@@ -110,7 +121,7 @@ class KeepOut:
         found, home = np.full(len(balls), "", object), next(spread_poses(self.robot, 1))
         around = {link, *(other for other, _ in paths_from(self.robot, link))}
         for other, mesh in ((o, m) for parts in (self.meshes, self.shapes) for o, m in parts.items()):
-            if other not in around:
+            if other not in around and self._groups[other] == self._groups[link]:
                 pose = np.linalg.inv(home[other]) @ home[link]
                 found[self._field(mesh)(balls @ pose[:3, :3].T + pose[:3, 3]) < self.radius] = other
         return found
@@ -150,10 +161,15 @@ class _View:
         widest = float(np.linalg.norm(np.ptp(every, axis=0)))
         return cls(poses, DepthBuffers.of(every, max(distance, widest / MAX_VIEW_WIDTH)), links)
 
-    def openness(self, link: str, number: int, points: Array, normals: Array) -> Array:
-        """Return how open the space above points (k, 3) of a link is, shape (k,): 0 is hidden, 1 is free."""
+    def openness(self, link: str, number: int, can_hide: BoolArray, points: Array, normals: Array) -> Array:
+        """Return how open the space above points (k, 3) of a link is, shape (k,): 0 is hidden, 1 is free.
+
+        ``number`` is that of the link, ``can_hide`` (links,) is false for links that count as absent.
+        """
         pose = self.poses[link]
-        least = np.where(self.links == number, OWN_HEIGHT * self.buffers.pixel, HIDING_HEIGHT)
+        height = np.where(can_hide, HIDING_HEIGHT, np.inf)
+        height[number] = OWN_HEIGHT * self.buffers.pixel
+        least = height[self.links]
         return self.buffers.openness(points @ pose[:3, :3].T + pose[:3, 3], normals @ pose[:3, :3].T, least)[0]
 
 

@@ -96,7 +96,7 @@ def robot_mjcf(
             spec.body(link).add_frame().attach_body(skin, f"{link}/", "")
         uncovered, covered, hidden = _uncover(spec, [f"{link}/{link}" for link in skins], mujoco)
         if free_base:
-            _free(spec, urdf.name)
+            _free(spec, urdf.name, mujoco)
         if actuators:
             _add_motors(spec, description, mujoco)
         spec.compile()
@@ -117,10 +117,10 @@ def robot_mjcf(
     return RobotModel(text.encode(), meshes, sources, tuple(problems), uncovered, covered, dead, impossible, assumed)
 
 
-def _free(spec: Any, urdf: str) -> None:
+def _free(spec: Any, urdf: str, mujoco: Any) -> None:
     """Let the robot move freely, with its first link at the origin."""
     first = spec.worldbody.first_body()
-    if any(joint.type == 0 for joint in spec.joints):  # mjJNT_FREE
+    if any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints):
         raise SkinCalibError(f"{urdf} has a floating joint: the robot is free without --free-base.")
     first.add_freejoint(name=f"{first.name}_free")
 

@@ -264,3 +264,12 @@ def test_far_travel_takes_no_memory():
     slides = robot(Joint("j", "prismatic", "base", "cart", limits=(-1e16, 1e16)))
     keep_out = KeepOut(slides, {"base": BASE, "cart": box((-0.03, -0.02, 0), (0.03, 0.02, 0.005))})
     assert max(view.buffers.width for view in keep_out.views) < 500
+
+
+@pytest.mark.parametrize(("kind", "found"), [("fixed", "helmet"), ("floating", "")])
+def test_a_link_with_an_unknown_pose_hides_nothing(kind, found):
+    """A helmet around a head, fixed to it, or somewhere."""
+    worn = robot(Joint("j", kind, "helmet", "head"))
+    head = box((-0.05, -0.03, -0.03), (0.05, 0.03, 0.03))
+    covers = KeepOut(worn, {"helmet": helmet(1), "head": head})
+    assert covers.coverers("head", np.array([(0.05, 0.0, 0.0)]), np.array([(1.0, 0, 0)])).tolist() == [found]
