@@ -111,7 +111,7 @@ def _visual(model: Any, body: int, name: str, shown: Array, meshes: Path) -> str
     if not parts:
         return ""
     mesh = TriangleMesh(*stacked(parts))
-    path = meshes / f"{re.sub(r'[^A-Za-z0-9_.-]', '_', name)}.ply"
+    path = meshes / f"{body}_{re.sub(r'[^A-Za-z0-9_.-]', '_', name)}.ply"  # two names can become one
     save_mesh(mesh, path)
     return f"<visual><geometry><mesh filename={quoted(f'{meshes.name}/{path.name}')}/></geometry></visual>"
 

@@ -74,3 +74,14 @@ def test_other_descriptions_are_named(tmp_path, capsys):
     (tmp_path / "arm.xml").write_text("<mujoco><worldbody><body/></worldbody><no/></mujoco>")
     assert main(["propose", str(tmp_path / "arm.xml"), "-o", str(tmp_path / "plans")]) == 1
     assert "MuJoCo does not accept arm.xml" in capsys.readouterr().err and not (tmp_path / "plans").exists()
+
+
+def test_names_that_files_cannot_have_do_not_share_a_file(tmp_path):
+    """ "a/b" and "a_b" keep their own meshes, in the folder."""
+    body = '<body name="{0}"><geom type="box" size="{1} .1 .1"/></body>'
+    (tmp_path / "r.xml").write_text(
+        f"<mujoco><worldbody>{body.format('a/b', 0.1)}{body.format('a_b', 0.3)}</worldbody></mujoco>"
+    )
+    urdf = as_urdf(tmp_path / "r.xml", tmp_path / "out")
+    meshes, _ = load_urdf_meshes(urdf, read_robot(urdf))
+    assert_allclose([np.ptp(meshes[name].vertices[:, 0]) for name in ("a/b", "a_b")], (0.2, 0.6), rtol=1e-6)
