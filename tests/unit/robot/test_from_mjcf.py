@@ -76,7 +76,7 @@ def test_other_descriptions_are_named(tmp_path, capsys):
     assert "MuJoCo does not accept arm.xml" in capsys.readouterr().err and not (tmp_path / "plans").exists()
 
 
-def test_names_that_files_cannot_have_do_not_share_a_file(tmp_path):
+def test_names_that_files_cannot_have_keep_their_own_meshes(tmp_path):
     """ "a/b" and "a_b" keep their own meshes, in the folder."""
     body = '<body name="{0}"><geom type="box" size="{1} .1 .1"/></body>'
     (tmp_path / "r.xml").write_text(
