@@ -7,12 +7,13 @@ import numpy as np
 
 from ..calibration.model import TaxelArray
 from ..common.arrays import BoolArray
+from ..common.errors import InvalidPlan
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.mesh.visibility import are_seen
 from ..pipeline.place_skins import place_skin
 from ..plan.skins import BoardSkin
-from ..skin.boards.ground import MAX_DISTANCE
+from ..skin.boards.ground import MAX_DISTANCE, Ground
 from ..skin.boards.overlap import largest_apart, overlapping
 from .candidates import DECIMALS
 from .chains import chains_of
@@ -33,16 +34,25 @@ def boards_on(template: BoardSkin, fit: SurfaceFit) -> tuple[BoardSkin, TaxelArr
     return with_cells(skin, taxels, np.ones(len(taxels.ids), bool)), taxels
 
 
-def boards_of_list(skin: BoardSkin, fit: SurfaceFit, least: float) -> tuple[BoardSkin, TaxelArray] | None:
-    """Return the boards of a list that fit on another surface; None if they are too few."""
-    assert not isinstance(skin.choice, str)
-    taxels = place_skin(replace(skin, choice="all"), fit, 0).patch.taxels
-    found = {(int(q), int(r)) for q, r in taxels.index}
-    cells = tuple((q, r) for q, r in skin.choice if (q, r) in found)
-    if len(cells) < least * len(skin.choice):
-        return None
-    skin = replace(skin, choice=cells)
-    return skin, place_skin(skin, fit, 0).patch.taxels
+def boards_of_list(skin: BoardSkin, fit: SurfaceFit) -> tuple[BoardSkin, TaxelArray]:
+    """Return the boards of a list that fit on another surface: inside it, near its mesh, and along it."""
+    taxels = place_skin(skin, fit, 0).patch.taxels
+    fits = _fit(skin, fit, taxels)
+    if fits.all():
+        return skin, taxels
+    if not fits.any():
+        raise InvalidPlan("None of its boards fits.")
+    return boards_of_list(with_cells(skin, taxels, fits), fit)  # without some, others can have another place
+
+
+def _fit(skin: BoardSkin, fit: SurfaceFit, taxels: TaxelArray) -> BoolArray:
+    """Return which boards are on a surface and its mesh completely."""
+    normals = taxels.normals_link[:, None]
+    corners = taxels.corners_link - skin.offset * normals
+    ground = Ground(fit.error_field.surface, fit, skin.excluded, skin.lattice.side)
+    over = ground.is_over_mesh(corners.reshape(-1, 3), np.broadcast_to(normals, corners.shape).reshape(-1, 3))
+    fits: BoolArray = over.reshape(corners.shape[:2]).all(axis=1) & (taxels.quality["overhang"] == 0)
+    return fits & ground.carries(taxels.uv)
 
 
 def with_cells(skin: BoardSkin, taxels: TaxelArray, kept: BoolArray) -> BoardSkin:

@@ -88,7 +88,7 @@ def propose_task(
         proposal = _proposal(task, begin)
         use(proposal)
         fitted = _fitted(task, proposal) if task.fit else None
-        return Outcome(task, replace(proposal, fits={}), fitted=fitted)  # fits are large
+        return Outcome(task, replace(proposal, fits={}, twins={}), fitted=fitted)  # fits are large
     except SkinCalibError as problem:
         return Outcome(task, None, str(problem))
     except MemoryError:
@@ -119,12 +119,16 @@ def _of_robot(task: Task, begin: Callable[[str], None]) -> Proposal:
     robot = robot_of(task.file)
     unsure = _not_covering(robot, task.link)
     twin = (robot.twins if task.twins is None else task.twins).get(task.link)
+    words: tuple[str, ...] = ()
     if twin is not None:
         former = own_proposal(replace(task, link=twin.link, mesh=None), begin)
-        found = propose_twin(former, twin, task.link, _mesh_of(task), file, task.choice, robot.keep_out, begin)
-        if found is not None:
+        found = former.twins.get(task.link, "")
+        if isinstance(found, Proposal) and task.mesh is not None:
+            found = propose_twin(former, twin, task.link, task.mesh, file, task.choice, robot.keep_out, begin)
+        if isinstance(found, Proposal):
             return found.with_warnings(unsure)
-    return own_proposal(task, begin).with_warnings(unsure)
+        words = (f"The link is {twin.words} {twin.link}, but has its own layout: {found}.",) if found else ()
+    return own_proposal(task, begin).with_reasons(words).with_warnings(unsure)
 
 
 def _fitted(task: Task, proposal: Proposal) -> Fitted | None:
@@ -280,6 +284,8 @@ def own_proposal(task: Task, begin: Callable[[str], None]) -> Proposal:
         return whole.proposals[key]
     mesh = _mesh_of(task)
     axes = tuple(joint_axes(whole.robot, task.link))
-    found = propose_link(task.link, mesh, task.file.absolute(), "m", task.choice, axes, whole.keep_out, begin)
+    twins = {link: twin for link, twin in whole.twins.items() if twin.link == task.link and link not in whole.unread}
+    file = task.file.absolute()
+    found = propose_link(task.link, mesh, file, "m", task.choice, axes, whole.keep_out, begin, twins)
     whole.proposals[key] = replace(found, fits={})
     return found

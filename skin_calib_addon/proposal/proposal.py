@@ -4,13 +4,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from ..calibration.exchange.xml_text import rotations
 from ..calibration.model import TaxelArray
 from ..common.arrays import Array, BoolArray
-from ..common.errors import SkinCalibError, counted, millimetres
+from ..common.errors import SkinCalibError, counted, listed, millimetres
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.grid.axis import Axis
 from ..geometry.mesh.cover import cut_cover, seen_faces
@@ -55,6 +56,8 @@ class Proposal:
     fits: Mapping[str, SurfaceFit] = field(default_factory=dict, repr=False)  # of its surfaces, by their names
     warnings: tuple[str, ...] = ()  # what can be wrong with it; also among the reasons of the plan
     bare: str = ""  # the largest piece of the free area without skin, if it is large: place and reason; also a reason
+    # Links that are like it: their proposals with the same layout, or why they have another one.
+    twins: Mapping[str, "Proposal | str"] = field(default_factory=dict, repr=False)
 
     @property
     def channels(self) -> int:
@@ -63,11 +66,14 @@ class Proposal:
 
     def with_warnings(self, warnings: tuple[str, ...]) -> "Proposal":
         """Return the proposal with warnings, which its plan states first; one without a plan as it is."""
-        if self.plan is None or not warnings:
+        return replace(self.with_reasons(warnings), warnings=warnings) if self.plan else self
+
+    def with_reasons(self, reasons: tuple[str, ...]) -> "Proposal":
+        """Return the proposal with more reasons, which its plan states first; one without a plan as it is."""
+        if self.plan is None or not reasons:
             return self
-        reasons = (*warnings, *self.reasons)
-        plan = replace(self.plan, extra={"x_proposal": list(reasons)})
-        return replace(self, plan=plan, reasons=reasons, warnings=warnings)
+        reasons = (*reasons, *self.reasons)
+        return replace(self, plan=replace(self.plan, extra={"x_proposal": list(reasons)}), reasons=reasons)
 
 
 def propose_link(
@@ -79,8 +85,12 @@ def propose_link(
     axes: tuple[tuple[Axis, str], ...] = (),
     keep_out: KeepOut | None = None,
     begin: Callable[[str], None] = lambda stage: None,
+    twins: Mapping[str, Twin] = MappingProxyType({}),
 ) -> Proposal:
-    """Propose surfaces and skins for one link."""
+    """Propose surfaces and skins for one link, and the same layout for links of the robot that are like it.
+
+    All of them keep only what fits on all, as long as nearly all does.
+    """
     target = _Target.of(link, mesh, file, unit, keep_out, begin)
     if target.free <= choice.least_area:
         words = (
@@ -88,7 +98,26 @@ def propose_link(
         )
         return Proposal(link, None, (target.sentence, words + target.why_covered), target.on.seen, target.free)
     found = propose_surfaces(seen_faces(mesh), target.on, axes, begin)
-    return target.proposal(found, lambda proposed: skin_on(choice, proposed.fit, proposed.surface.name), choice, begin)
+    proposal = target.proposal(
+        found, lambda proposed: skin_on(choice, proposed.fit, proposed.surface.name), choice, begin
+    )
+    if proposal.plan is None or keep_out is None:
+        return proposal
+    first, alike = proposal, dict[str, Proposal | str]()
+    for other, twin in [*twins.items(), *twins.items()]:  # again, where a later one has less
+        there = alike.get(other)
+        if there is None or isinstance(there, Proposal) and there.taxels > proposal.taxels:
+            there = propose_twin(proposal, twin, other, keep_out.meshes[other], file, choice, keep_out, begin)
+        if isinstance(there, Proposal) and there.taxels < proposal.taxels:
+            proposal = target.reduced(found, proposal, there, twin.inverse(link), choice, begin)
+        alike[other] = there
+    words = ""
+    if same := [other for other, there in alike.items() if isinstance(there, Proposal)]:
+        lost = first.taxels - proposal.taxels
+        words = f"{listed(same)} {'has' if len(same) == 1 else 'have'} the same layout" + (
+            f", for which {counted(lost, 'taxel')} {'is' if lost == 1 else 'are'} left out here." if lost else "."
+        )
+    return replace(proposal.with_reasons((words,) if words else ()), twins=alike)
 
 
 def link_surfaces(
@@ -114,45 +143,47 @@ def propose_twin(
     choice: SkinChoice,
     keep_out: KeepOut,
     begin: Callable[[str], None] = lambda stage: None,
-) -> Proposal | None:
-    """Return the proposal of a link for its mirror image, or for an equal link; None if it does not fit there.
+) -> Proposal | str:
+    """Return the proposal of a link for its mirror image, or for an equal link; or why it does not fit there.
 
     The surfaces are fitted to the mesh of the twin. Boards that do not fit there, or that other links cover, are left
-    out; where they are many, the boards of the surface are proposed anew.
+    out.
     """
-    if former.plan is None:
-        return None
     target = _Target.of(link, mesh, file, "m", keep_out, begin)
     if abs(target.free - former.free) > (1 - MIN_TWIN_FRACTION) * former.free:
-        return None  # the joints have other ranges
+        return f"{target.free * 1e4:.0f} instead of {former.free * 1e4:.0f} cm^2 are free"
+    if former.plan is None:
+        return ""
     moved, how = moved_plan(former.plan, link, twin), f"as on {former.link}"
     skins = {skin.surface: skin for skin in moved.skins}
 
+    off = 0  # boards that do not fit on the surface and the mesh
+
     def skin_of(proposed: Proposed) -> tuple[SheetSkin | BoardSkin, TaxelArray]:
+        nonlocal off
         skin = skins[proposed.surface.name]
-        if isinstance(skin, SheetSkin):
-            return skin, place_skin(skin, proposed.fit, 0).patch.taxels
-        assert isinstance(skin, BoardSkin)
-        listed = boards_of_list(skin, proposed.fit, MIN_TWIN_FRACTION)
-        return listed or skin_on(choice, proposed.fit, proposed.surface.name)
+        if isinstance(skin, BoardSkin):
+            off += len(skin.choice)
+            boards, taxels = boards_of_list(skin, proposed.fit)
+            off -= len(boards.choice)
+            return boards, taxels
+        assert isinstance(skin, SheetSkin)
+        return skin, place_skin(skin, proposed.fit, 0).patch.taxels
 
     try:
         tried = (fitted(cut_cover(mesh, surface.cover), target.on, surface, how) for surface in moved.surfaces)
         found = tuple(filter(None, tried))
         begin("skins")
         proposal = target.proposal(found, skin_of, choice, begin)
-    except SkinCalibError:
-        return None
-    words = f"The link is {'the mirror image of' if twin.is_mirrored else 'equal to'} {former.link}, and has its plan"
-    if proposal.taxels != former.taxels:
-        words += (
-            f", with {proposal.taxels} instead of {former.taxels} taxels: joints, neighbours and mesh differ a little"
-        )
-    words += "."
+    except SkinCalibError as problem:
+        return f"a surface does not fit: {problem}".rstrip(".")
     if proposal.plan is None or proposal.cells < MIN_TWIN_FRACTION * former.cells:
-        return None
-    reasons = (words, *proposal.reasons)
-    return replace(proposal, plan=replace(proposal.plan, extra={"x_proposal": list(reasons)}), reasons=reasons)
+        return f"only {proposal.taxels} of {counted(former.taxels, 'taxel')} fit"
+    words = f"The link is {twin.words} {former.link}, and has the same layout"
+    if lost := former.taxels - proposal.taxels:
+        others = f"; hidden, covered, or left in a short chain: {lost - off}" if lost > off else ""
+        words += f", without {counted(lost, 'taxel')} of it. Over an edge or off the mesh here: {off}{others}"
+    return proposal.with_reasons((f"{words}.",))
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,6 +308,32 @@ class _Target:
             fits=fits,
             bare=bare,
         )
+
+    def reduced(
+        self,
+        found: Sequence[Proposed],
+        proposal: Proposal,
+        there: Proposal,
+        back: Twin,
+        choice: SkinChoice,
+        begin: Callable[[str], None],
+    ) -> Proposal:
+        """Return the proposal with those boards and cells that it has on a twin, too; ``back`` leads from there."""
+        assert proposal.plan is not None and there.plan is not None
+        kept = {skin.surface: skin for skin in moved_plan(there.plan, self.link, back).skins}
+        skins = {skin.surface: skin for skin in proposal.plan.skins}
+
+        def skin_of(proposed: Proposed) -> tuple[SheetSkin | BoardSkin, TaxelArray]:
+            skin, some = skins[proposed.surface.name], kept[proposed.surface.name]
+            if isinstance(skin, BoardSkin) and isinstance(some, BoardSkin):
+                skin = replace(skin, choice=some.choice)
+            else:
+                assert isinstance(skin, SheetSkin)
+                skin = replace(skin, taxels=some.taxels)
+            return skin, place_skin(skin, proposed.fit, 0).patch.taxels
+
+        on_both = [proposed for proposed in found if proposed.surface.name in kept]
+        return self.proposal(on_both, skin_of, replace(choice, chain=1), begin)
 
     def _bare(self, covered: BoolArray, found: Sequence[Proposed], problems: Mapping[str, str]) -> str:
         """Return where the largest piece of the free area without skin is, and why; empty if it is small."""

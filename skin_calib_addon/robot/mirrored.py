@@ -46,6 +46,15 @@ class Twin:
         """Return whether the transform is a reflection."""
         return bool(np.linalg.det(self.transform[:3, :3]) < 0)
 
+    @property
+    def words(self) -> str:
+        """Return how the twin is like the former, before its name."""
+        return "the mirror image of" if self.is_mirrored else "equal to"
+
+    def inverse(self, link: str) -> "Twin":
+        """Return how the former is like the twin, which is a link of this name."""
+        return Twin(link, np.linalg.inv(self.transform))
+
 
 def find_twins(robot: Robot, meshes: Mapping[str, TriangleMesh]) -> dict[str, Twin]:
     """Return the links that are like an earlier link, and how.

@@ -1,5 +1,7 @@
 """Links that are mirror images of each other get plans that are."""
 
+import re
+
 import numpy as np
 import pytest
 import trimesh
@@ -10,7 +12,9 @@ from skin_calib_addon.cli import main
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh, weld
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan, plan_document, plan_from
+from skin_calib_addon.proposal.links import Task, propose_task, robot_of
 from skin_calib_addon.proposal.moved_plan import moved_plan
+from skin_calib_addon.proposal.skins import parse_skin
 from skin_calib_addon.robot.mirrored import Twin
 from tests.shapes import box
 
@@ -76,7 +80,28 @@ def test_link_with_another_joint_range_gets_its_own_plan(folder, tmp_path):
     save_mesh(box((-0.01, -0.5, -0.01), (0.01, 0.5, 0.01)), folder / "wall.ply")
     assert main(["propose", str(folder / "other.urdf"), "-o", str(tmp_path), "--only", "*t"]) == 0
     right = load_plan(tmp_path / "right.plan.json")
-    assert "mirror image" not in right.extra["x_proposal"][0]
+    words = r"The link is the mirror image of left, but has its own layout: \d+ instead of \d+ cm\^2 are free\."
+    assert re.fullmatch(words, right.extra["x_proposal"][0])
+
+
+def test_links_of_a_pair_keep_only_the_boards_that_fit_on_both(tmp_path):
+    """A pit in the right plate, which is small enough for a pair, takes the same boards from both."""
+    plate = trimesh.creation.box((0.07, 0.05, 0.024)).subdivide().subdivide().subdivide()
+    pit = plate.vertices * MIRROR
+    pit[np.linalg.norm(pit - (0.02, -0.01, 0.012), axis=1).argmin(), 2] -= 0.006
+    save_mesh(weld(plate.vertices, plate.faces), tmp_path / "left.ply")
+    save_mesh(weld(pit, plate.faces[:, ::-1]), tmp_path / "right.ply")
+    (tmp_path / "arms.urdf").write_text(URDF)
+    robot_of.cache_clear()
+    left, right = (
+        propose_task(Task(tmp_path / "arms.urdf", "m", side, parse_skin("hexagons:8mm"))).proposal
+        for side in ("left", "right")
+    )
+    back = moved_plan(right.plan, "left", robot_of(tmp_path / "arms.urdf").twins["right"].inverse("right"))
+    assert [skin.choice for skin in back.skins] == [skin.choice for skin in left.plan.skins]
+    assert left.taxels == right.taxels > 20 and left.chains == right.chains
+    lost = int(re.match(r"right has the same layout, for which (\d+) taxels are left out", left.reasons[0])[1])
+    assert f"without {lost} taxels of it. Over an edge or off the mesh here: {lost}." in right.reasons[0]
 
 
 def test_moved_plan_is_what_its_file_gives():
