@@ -232,7 +232,7 @@ def peak_memory(process):
 def of_proposal(urdf, folder, said):
     """Return the rows that the program itself states."""
     per_link = re.findall(
-        r"^(\S+) +(\d+) surfaces?, (\d+) taxels?[^;]*; cells cover (\d+) of (\d+) cm\^2 free \(\d+%\), (\d+) cm\^2",
+        r"^(\S+) +(\d+) surfaces?, (\d+) taxels? .*, cells cover (\d+) of (\d+) cm\^2 free \(\d+%\), (\d+) cm\^2",
         said,
         re.M,
     )
@@ -244,7 +244,7 @@ def of_proposal(urdf, folder, said):
     seconds = re.findall(r"^(.+) took ([\d.]+) s with (\d+) processes, ([\d.]+) s of CPU, (\d+) MB", said, re.M)
     left_out = sum(left_out_area(path.read_text()) for path in folder.glob("*.plan.json"))
     total = re.findall(r"cover (\d+) cm\^2, (\d+)% of the free area and (\d+)% of the area that can", said)[-1]
-    chains = re.findall(r"in (\d+) chains? \((\d+) of one, ([\d.]+) m of cable between them\), cells", said)
+    chains = re.findall(r"in (\d+) chains? \((\d+) of one, [^;]*; ([\d.]+) m of cable between them\), cells", said)
     worst = sorted(per_link, key=lambda row: int(row[3]) - int(row[4]))[:3]
     return {
         "links, with a mesh, with a plan": f"{len(robot.links)}, {len(links_with_mesh(robot))}, {len(per_link)}",

@@ -2,8 +2,9 @@
 
 import json
 import os
+from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,12 +16,22 @@ from ..common.findings import Finding, child, error, in_short, repeated, show, w
 from ..common.schema_check import check, read_schema
 from ..common.strict_json import parse, read
 from ..common.warnings import Warning
+from .chains import chain_channels
 from .file import load_calibration
 from .model import LinkCalibration
 
 FILE = "robot.json"  # Contract: name of the file
 FORMAT = "skin-robot"  # Format
 ROBOT_VERSION = 1  # Format: version of these files
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Boards of a link that are connected: one cable."""
+
+    first_channel: int  # lowest channel
+    boards: int
+    bus: str | None = None  # None: that of the link
 
 
 @dataclass(frozen=True)
@@ -33,6 +44,15 @@ class RobotLink:
     parent: str | None = None  # link that carries this link
     first_channel: int | None = None  # lowest channel; None without taxels
     bus: str | None = None  # electronics whose readings contain the channels; None: of this link alone
+    chains: tuple[Chain, ...] = ()  # of its boards
+
+    def buses(self, calibration: LinkCalibration) -> dict[int, str | None]:
+        """Return the bus of each channel of its calibration: that of its chain, or of the link."""
+        named = {chain.first_channel: chain.bus for chain in self.chains}
+        found = {int(c): self.bus for patch in calibration.patches for c in patch.taxels.channels}
+        for channels in chain_channels(calibration):
+            found |= dict.fromkeys(channels.tolist(), named.get(int(channels.min())) or self.bus)
+        return found
 
 
 @dataclass(frozen=True)
@@ -65,13 +85,18 @@ def load_robot_set(path: str | os.PathLike[str]) -> RobotSet:
     if findings:
         raise CalibrationFormatError(f"'{file}' is invalid: {in_short(findings)}", findings)
     urdf = document["urdf"]
-    links = tuple(RobotLink(**link) for link in document["links"])
+    links = tuple(
+        RobotLink(**link | {"chains": tuple(Chain(**chain) for chain in link.get("chains", ()))})
+        for link in document["links"]
+    )
     return RobotSet(document["robot"], UrdfFile(**urdf) if urdf else None, links)
 
 
 def save_robot_set(robot: RobotSet, folder: Path) -> None:
     """Write ``robot.json`` to the folder of the calibrations in one step."""
-    document = {"format": FORMAT, "version": ROBOT_VERSION, **asdict(robot), "links": [asdict(k) for k in robot.links]}
+    links = [asdict(link) | {"chains": [asdict(chain) for chain in link.chains]} for link in robot.links]
+    links = [{name: link[name] for name in link if name != "chains" or link["chains"]} for link in links]
+    document = {"format": FORMAT, "version": ROBOT_VERSION, **asdict(robot), "links": links}
     if findings := check_robot_document(document):
         raise CalibrationFormatError(f"{FILE} cannot be written: {in_short(findings)}", findings)
     write_bytes_safely(folder / FILE, (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
@@ -130,6 +155,9 @@ def calibrations_of(robot: RobotSet, folder: Path) -> tuple[dict[str, LinkCalibr
         if first != link.first_channel:
             message = f"is not the lowest channel of {show(link.link)}, which is {show(first)}"
             findings.append(error("first-channel", child("", "links", k, "first_channel"), message, link.first_channel))
+        if link.chains and Counter(map(_without_bus, link.chains)) != Counter(_chains(calibration)):
+            message = f"are not the chains of {show(link.link)}: first channels or numbers of boards differ"
+            findings.append(error("chains", child("", "links", k, "chains"), message))
         calibrations[link.link] = calibration
     return calibrations, (*findings, *_used_twice(robot, calibrations))
 
@@ -175,7 +203,7 @@ def link_of(calibration: Path) -> str | None:
 
 
 def _used_twice(robot: RobotSet, calibrations: dict[str, LinkCalibration]) -> Iterator[Finding]:
-    """Yield an error for each link with channels of an earlier link on its bus, and a warning for its ids.
+    """Yield an error for each link with channels of an earlier link on a bus, and a warning for its ids.
 
     Without a bus, channels are a warning, too: each link has its own readings, or they are of two proposals.
     """
@@ -185,12 +213,13 @@ def _used_twice(robot: RobotSet, calibrations: dict[str, LinkCalibration]) -> It
         if link.link not in calibrations:
             continue
         taxels = [patch.taxels for patch in calibrations[link.link].patches]
-        own_channels = {(link.bus, int(channel)) for t in taxels for channel in t.channels}
+        own_channels = {(bus, channel) for channel, bus in link.buses(calibrations[link.link]).items()}
         own_ids = {name for t in taxels for name in t.ids}
-        if both := sorted(own_channels & channels.keys()):
-            other, bus = show(channels[both[0]]), f" of bus {link.bus}" if link.bus else ""
-            message = f"({show(link.link)}) has channel {both[0][1]}{bus}, as {other} has; {len(both)} in all"
-            if link.bus:
+        if both := sorted(own_channels & channels.keys(), key=lambda key: (key[0] is None, key)):  # a bus first
+            name, channel = both[0]
+            other, bus = show(channels[both[0]]), f" of bus {name}" if name else ""
+            message = f"({show(link.link)}) has channel {channel}{bus}, as {other} has; {len(both)} in all"
+            if name:
                 yield error("duplicate-channel", child("", "links", k), message)
             else:
                 advice = "name their buses if each has its own readings"
@@ -211,9 +240,20 @@ def same_link(links: Mapping[str, str]) -> str:
 
 
 def robot_link(folder: Path, name: str) -> RobotLink:
-    """Return the entry of a calibration, without what the calibration does not have: parent and bus."""
+    """Return the entry of a calibration, without what the calibration does not have: parent and buses."""
     calibration = load_calibration(folder / name)
-    return RobotLink(calibration.link, name, file_hash(folder / name) or "", first_channel=_first_channel(calibration))
+    first, chains = _first_channel(calibration), tuple(_chains(calibration))
+    return RobotLink(calibration.link, name, file_hash(folder / name) or "", first_channel=first, chains=chains)
+
+
+def _chains(calibration: LinkCalibration) -> Iterator[Chain]:
+    """Yield the chains of the boards of a link, without buses."""
+    for channels in chain_channels(calibration):
+        yield Chain(int(channels.min()), len(channels))
+
+
+def _without_bus(chain: Chain) -> Chain:
+    return replace(chain, bus=None)
 
 
 def _first_channel(calibration: LinkCalibration) -> int | None:

@@ -117,7 +117,7 @@ def propose(
             done[finished.task.link] = _written(finished, folder)
     finally:  # also after Ctrl+C: the next call continues
         found = [p for task in tasks if task.link in done and (p := done[task.link].proposal)]
-        former, ends = _save(found, folder)
+        former, ends, firsts = _save(found, folder)
     plans: dict[Path, Fitted | None] = {}
     lines: list[tuple[str, str]] = []
     for link in links:
@@ -128,7 +128,7 @@ def propose(
         else:
             if outcome.proposal and outcome.proposal.plan:
                 plans[path] = outcome.fitted
-            words = _proposed(outcome, former.get(link, []))
+            words = _proposed(outcome, former.get(link, []), firsts.get(link, 0))
         lines += [(link, line) for line in words]
     lines += [(link, f"no plan: {NO_MESH}") for link in _links_with_other_shapes(options)]
     width = max(len(link) for link, _ in lines)
@@ -170,7 +170,7 @@ def _kept(path: Path, end: int | None, again: bool) -> list[str]:
     return [f"kept: {why}{words}", *warnings]
 
 
-def _proposed(outcome: Outcome, former: Sequence[str]) -> list[str]:
+def _proposed(outcome: Outcome, former: Sequence[str], first: int) -> list[str]:
     """Return the lines about the proposal for a link, and the new names of its earlier files; complain of a failure."""
     proposal = outcome.proposal
     if proposal is None:
@@ -180,7 +180,7 @@ def _proposed(outcome: Outcome, former: Sequence[str]) -> list[str]:
         words = f" Its earlier files have other names now: {', '.join(former)}." if former else ""
         return [f"no plan: {proposal.reasons[-1]}{words}"]
     bare = [proposal.bare] if proposal.bare else []
-    return [_numbers(proposal), *bare, *(f"warning: {words}" for words in proposal.warnings)]
+    return [_numbers(proposal, first), *bare, *(f"warning: {words}" for words in proposal.warnings)]
 
 
 def _areas(proposals: Sequence[Proposal], has_kept: bool) -> str:
@@ -188,12 +188,13 @@ def _areas(proposals: Sequence[Proposal], has_kept: bool) -> str:
     seen, free, cells = (sum(getattr(p, name) for p in proposals) for name in ("seen", "free", "cells"))
     if not free:
         return ""
-    chains, singles, cables, taxels = (
-        sum(getattr(p, name) for p in proposals) for name in ("chains", "singles", "cables", "taxels")
+    chains, singles, cables, taxels, channels = (
+        sum(getattr(p, name) for p in proposals) for name in ("chains", "singles", "cables", "taxels", "channels")
     )
+    longest = max(p.longest for p in proposals)
     return (
-        f"; {'without those kept, ' if has_kept else ''}{counted(taxels, 'taxel')}"
-        f"{_chains(chains, singles, cables)}, cells cover {cells * 1e4:.0f} cm^2, "
+        f"; {'without those kept, ' if has_kept else ''}{counted(taxels, 'taxel')} on {counted(channels, 'channel')}"
+        f"{_chains(chains, singles, longest, cables)}, cells cover {cells * 1e4:.0f} cm^2, "
         f"{cells / free:.0%} of the free area and {cells / seen:.0%} of the area that can be seen"
     )
 
@@ -213,21 +214,24 @@ def _set_aside(plan: Path) -> list[str]:
     return names
 
 
-def _save(proposals: Sequence[Proposal], folder: Path) -> tuple[dict[str, list[str]], dict[Path, int | None]]:
+def _save(
+    proposals: Sequence[Proposal], folder: Path
+) -> tuple[dict[str, list[str]], dict[Path, int | None], dict[str, int]]:
     """Write the plans of proposals; those of links that have none now are set aside.
 
     Channels follow each other, after those of all plans that stay. Return the new names of the files of each link that
-    were set aside, and the channel after each plan that stays; None if it is not known.
+    were set aside, the channel after each plan that stays, None if it is not known, and the first one of each link.
     """
     former = {p.link: _set_aside(plan_path(folder, p.link)) for p in proposals if p.plan is None}
     written = {plan_path(folder, p.link) for p in proposals}
     ends = {path: _channel_after(path) for path in sorted(folder.glob("*.plan.json")) if path not in written}
-    channel = max(filter(None, ends.values()), default=0)
+    channel, firsts = max(filter(None, ends.values()), default=0), dict[str, int]()
     for proposal in proposals:
         if proposal.plan:
             save_plan(named_from(numbered(proposal.plan, channel), folder), plan_path(folder, proposal.link))
+            firsts[proposal.link] = channel
             channel += proposal.channels
-    return former, ends
+    return former, ends, firsts
 
 
 def _channel_after(path: Path) -> int | None:
@@ -238,16 +242,20 @@ def _channel_after(path: Path) -> int | None:
         return None  # ``fit`` says what is wrong with the plan
 
 
-def _chains(chains: int, singles: int, cables: float) -> str:
+def _chains(chains: int, singles: int, longest: int, cables: float) -> str:
     """Return the chains of boards in words; empty without boards."""
-    return f" in {counted(chains, 'chain')} ({singles} of one, {cables:.1f} m of cable between them)" if chains else ""
+    if not chains:
+        return ""
+    sizes = f"{singles} of one, the longest of {counted(longest, 'board')}"
+    return f" in {counted(chains, 'chain')} ({sizes}; {cables:.1f} m of cable between them)"
 
 
-def _numbers(proposal: Proposal) -> str:
+def _numbers(proposal: Proposal, first: int) -> str:
     assert proposal.plan is not None
     return (
-        f"{counted(len(proposal.plan.surfaces), 'surface')}, {counted(proposal.taxels, 'taxel')}"
-        f"{_chains(proposal.chains, proposal.singles, proposal.cables)}; cells cover "
+        f"{counted(len(proposal.plan.surfaces), 'surface')}, {counted(proposal.taxels, 'taxel')} on channels "
+        f"{first} to {first + proposal.channels - 1}"
+        f"{_chains(proposal.chains, proposal.singles, proposal.longest, proposal.cables)}, cells cover "
         f"{proposal.cells * 1e4:.0f} of {proposal.free * 1e4:.0f} cm^2 free ({proposal.cells / proposal.free:.0%}), "
         f"{proposal.seen * 1e4:.0f} cm^2 seen"
     )

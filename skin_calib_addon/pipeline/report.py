@@ -1,6 +1,7 @@
 """Describe a calibration as text and as JSON: summary of a fit, report, table of a file."""
 
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -185,21 +186,29 @@ def _surface_document(fit: SurfaceFit) -> dict[str, Any]:
 def robot_table(robot: RobotSet, calibrations: Mapping[str, LinkCalibration]) -> str:
     """Return a table of the links of a robot, a line for each and one for all."""
     rows: list[tuple[str, ...]] = [
-        ("link", "parent", "patches", "taxels", "channels", "bus", "area", "mean error", "warnings")
+        ("link", "parent", "patches", "taxels", "channels", "chains", "bus", "area", "mean error", "warnings")
     ]
     total, total_area = 0, 0.0
+    buses: dict[str | None, Counter[str]] = {}
     for link in robot.links:
-        numbers: tuple[str, ...] = ("", "", "", link.bus or "", "", "", "not readable")
+        numbers: tuple[str, ...] = ("", "", "", "", link.bus or "", "", "", "not readable")
         if calibration := calibrations.get(link.link):
             channels = np.concatenate([np.empty(0, int), *(p.taxels.channels for p in calibration.patches)])
             errors = [s.errors.surface_to_mesh.mean for s in calibration.surfaces]
             area = covered_area(calibration)
             total, total_area = total + len(channels), total_area + area
+            for bus in link.buses(calibration).values():
+                buses.setdefault(bus, Counter())["channels"] += 1
+            for chain in link.chains:
+                buses.setdefault(chain.bus or link.bus, Counter())["chains"] += 1
+            sizes = [chain.boards for chain in link.chains]
+            chains = f"{len(sizes)} of {_span(sizes)} boards" if sizes else ""
             numbers = (
                 str(len(calibration.patches)),
                 str(len(channels)),
                 f"{channels.min()} to {channels.max()}" if len(channels) else "",
-                link.bus or "",
+                chains,
+                ", ".join(sorted({bus for bus in link.buses(calibration).values() if bus})),
                 f"{area * 1e4:.1f} cm²",
                 f"{max(errors) * 1e3:.4f} mm" if errors else "",
                 str(len(calibration.warnings) or ""),
@@ -208,7 +217,17 @@ def robot_table(robot: RobotSet, calibrations: Mapping[str, LinkCalibration]) ->
     widths = [max(map(len, column)) for column in zip(*rows)]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in rows)
     counts = f"{counted(len(robot.links), 'link')}, {counted(total, 'taxel')}"
-    return "\n".join((*lines, f"{robot.robot}: {counts}, {total_area * 1e4:.0f} cm²"))
+    of_buses = (
+        f"{f'bus {bus}' if bus else 'no bus named'}: {counted(found['chains'], 'chain')} of boards, "
+        f"{counted(found['channels'], 'channel')}"
+        for bus, found in sorted(buses.items(), key=lambda item: (item[0] is None, item[0]))
+        if found["chains"] or bus
+    )
+    return "\n".join((*lines, *of_buses, f"{robot.robot}: {counts}, {total_area * 1e4:.0f} cm²"))
+
+
+def _span(sizes: Sequence[int]) -> str:
+    return f"{min(sizes)} to {max(sizes)}" if min(sizes) < max(sizes) else str(sizes[0])
 
 
 def covered_area(calibration: LinkCalibration) -> float:

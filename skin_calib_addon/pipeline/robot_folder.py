@@ -46,6 +46,7 @@ def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> str:
     A folder of several calibrations of one link is no robot: without URDF and earlier file, none is written.
     """
     known: dict[tuple[str, str | None], RobotLink] = {}
+    lost: list[str] = []
     while True:  # another process may write calibrations and this file, too: the file that stays has to list all
         files = [(path.name, file_hash(path)) for path in sorted(folder.glob("*.calibration.json"))]
         known |= {file: robot_link(folder, file[0]) for file in files if file not in known}
@@ -65,11 +66,22 @@ def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> str:
         if now == before:
             break
         save_robot_set(now, folder)
+        lost += (name for link in before.links for name in _lost_buses(link, now))
+    if lost:
+        return f"{FILE} does not name the bus of {listed(lost)} any more: there are other chains. Write it again."
     urdfs = sorted(mesh for mesh in meshes if is_urdf(Path(mesh)))
     if now.urdf or not urdfs:
         return ""
     which = f"{'only some' if len(urdfs) == 1 else 'its'} links are from {listed(urdfs)}"
     return f"{FILE} names no URDF: {which}. Fit the plans of each robot into a folder of its own."
+
+
+def _lost_buses(before: RobotLink, now: RobotSet) -> list[str]:
+    """Return the chains of a link that have a bus and are not in a later set."""
+    kept = {chain for link in now.links if link.link == before.link for chain in link.chains}
+    return [
+        f"channel {chain.first_channel} of {before.link}" for chain in before.chains if chain.bus and chain not in kept
+    ]
 
 
 def _updated(before: RobotSet, links: Sequence[RobotLink], robot: Robot | None) -> RobotSet:
@@ -82,6 +94,10 @@ def _updated(before: RobotSet, links: Sequence[RobotLink], robot: Robot | None) 
                 link,
                 parent=robot.parents.get(link.link) if robot else earlier.get(link.link, link).parent,
                 bus=earlier.get(link.link, link).bus,
+                chains=tuple(
+                    next((old for old in earlier.get(link.link, link).chains if replace(old, bus=None) == chain), chain)
+                    for chain in link.chains
+                ),
             )
             for link in links
         ),

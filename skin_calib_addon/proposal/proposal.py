@@ -52,6 +52,7 @@ class Proposal:
     taxels: int = 0
     chains: int = 0  # of boards that their ports connect
     singles: int = 0  # of them, of one board
+    longest: int = 0  # boards of the longest chain
     cables: float = 0.0  # straight, between the chains [m]
     fits: Mapping[str, SurfaceFit] = field(default_factory=dict, repr=False)  # of its surfaces, by their names
     warnings: tuple[str, ...] = ()  # what can be wrong with it; also among the reasons of the plan
@@ -304,6 +305,7 @@ class _Target:
             taxels,
             chains=len(chains),
             singles=singles,
+            longest=max(map(len, chains), default=0),
             cables=cables,
             fits=fits,
             bare=bare,

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -292,3 +293,31 @@ def test_changed_urdf_is_named_where_it_is_used(robot, capsys, monkeypatch, comm
     assert main(command) == 0
     assert "warning: /urdf/file has changed; fit the plans again, with this URDF" in capsys.readouterr().err
     assert "/urdf/file has changed; fit the plans again" in " ".join(check(robot, capsys)[1])
+
+
+def test_buses_of_chains_stay_and_separate_channels(robot, capsys):
+    """A chain has its own bus, or that of the link; one that exists no more is named."""
+    cells = [[0, 0], [1, 0], [2, 0], [0, 3], [1, 3]]
+    boards = {"name": "boards", "kind": "hexagons", "side": 0.006, "gap": 0, "cells": cells}
+    write_plan(robot, "hand", link="hand", mesh="hand.ply", skins=[boards])
+    assert main(["fit", str(robot / "bot.urdf"), "-o", str(robot / "out")]) == 0
+    path = robot / "out" / "robot.json"
+    arm, hand = json.loads(path.read_text())["links"]
+    assert "chains" not in arm  # a sheet
+    three, two = {"first_channel": 0, "boards": 3, "bus": None}, {"first_channel": 3, "boards": 2, "bus": None}
+    assert hand["chains"] == [three, two]
+    edit(robot, bus=["can0", "can1"], chains=[[], [three, two | {"bus": "can0"}]])
+    assert '("hand") has channel 3 of bus can0, as "arm" has; 2 in all' in "".join(check(robot, capsys)[1])
+    edit(robot, chains=[[], [three, two | {"bus": "can2"}]])
+    assert main(["fit", str(robot / "bot.urdf"), "-o", str(robot / "out")]) == 0  # keeps it
+    assert check(robot, capsys)[0] == 0 and main(["show", str(path)]) == 0
+    out = capsys.readouterr().out
+    assert "bus can1: 1 chain of boards, 3 channels\nbus can2: 1 chain of boards, 2 channels\n" in out
+    assert re.search(r"^hand +arm +1 +5 +0 to 4 +2 of 2 to 3 boards +can1, can2 ", out, re.M)
+    edit(robot, chains=[[], [three]])
+    assert any("are not the chains" in line and "[chains]" in line for line in check(robot, capsys)[1])
+    edit(robot, chains=[[], [three, two | {"bus": "can2"}]])
+    write_plan(robot, "hand", link="hand", mesh="hand.ply", skins=[boards | {"cells": cells[:3]}])
+    capsys.readouterr()
+    assert main(["fit", str(robot / "bot.urdf"), "-o", str(robot / "out")]) == 0
+    assert "robot.json does not name the bus of channel 3 of hand any more" in capsys.readouterr().err

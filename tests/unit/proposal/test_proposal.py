@@ -469,9 +469,9 @@ def test_totals_are_of_the_plans_that_are_made(tmp_path, capsys):
     out = capsys.readouterr().out
     cells, free, part = map(int, re.search(r"cells cover (\d+) of (\d+) cm\^2 free \((\d+)%\)", out).groups())
     assert 0 < cells < free and part == pytest.approx(100 * cells / free, abs=3)  # areas are rounded
-    assert f"1 link, 1 plan; 12 taxels, cells cover {cells} cm^2, {part}% of the free area and" in out
+    assert f"1 link, 1 plan; 12 taxels on 12 channels, cells cover {cells} cm^2, {part}% of the free area and" in out
     assert main(words) == 0
-    assert "2 links, 2 plans; without those kept, 12 taxels, cells cover" in capsys.readouterr().out
+    assert "2 links, 2 plans; without those kept, 12 taxels on 12 channels, cells cover" in capsys.readouterr().out
 
 
 @pytest.mark.slow
