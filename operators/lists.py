@@ -5,6 +5,7 @@ import bpy
 
 from ..skin_calib_addon.blender.scene import points_on_link, skins
 from ..skin_calib_addon.blender.scene.fields import write_first
+from ..skin_calib_addon.blender.scene.preferences import chosen_boards
 from ..skin_calib_addon.blender.scene.results import find
 from ..skin_calib_addon.blender.scene.skins import entry, of_kind
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
@@ -31,7 +32,7 @@ class RemoveEntry(Edit):
 
 
 class SKIN_OT_skin_add(Edit, Operator):
-    """Add a skin to the active link: a sheet of taxels, or hexagonal boards"""
+    """Add a skin to the active link: a sheet of taxels, or hexagonal boards like those of Propose"""
 
     bl_label = "Add Skin"
 
@@ -40,7 +41,7 @@ class SKIN_OT_skin_add(Edit, Operator):
         description="What the skin is made of",
         items=[
             ("sheet", "Sheet", "Add a flexible sheet of taxels to the active link"),
-            ("hexagons", "Hexagons", "Add rigid hexagonal boards to the active link"),
+            ("hexagons", "Hexagons", "Add rigid hexagonal boards to the active link, of the size of the Proposed Skin"),
         ],
     )
 
@@ -49,7 +50,11 @@ class SKIN_OT_skin_add(Edit, Operator):
         return properties.bl_rna.properties["kind"].enum_items[properties.kind].description
 
     def edit(self, context, plan):
-        skin, result = skins.add_skin(plan.skins, self.kind, metres_per_unit(context.scene)), find(plan.result.key)
+        boards = chosen_boards(context.scene) if self.kind == "hexagons" else None
+        metre, result = metres_per_unit(context.scene), find(plan.result.key)
+        skin = skins.add_skin(plan.skins, self.kind, metre)
+        if boards:
+            skins.give_size(skin, boards, metre)
         if result is not None:
             skins.turn_along_lines(skin, next(iter(result.fits.values())).surface)  # a new skin is on the first one
 

@@ -9,7 +9,7 @@ import bpy
 
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.scene import link_objects, plans, results, robots, showing, skins
-from ..skin_calib_addon.blender.scene.preferences import preferences
+from ..skin_calib_addon.blender.scene.preferences import chosen_skin
 from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import refusal_of
 from ..skin_calib_addon.blender.session import session
@@ -18,7 +18,6 @@ from ..skin_calib_addon.common.errors import InvalidMesh, InvalidPlan, OutputErr
 from ..skin_calib_addon.common.findings import printable
 from ..skin_calib_addon.pipeline.robot_folder import save_link, save_robot
 from ..skin_calib_addon.proposal.links import Task, numbered, plan_path, propose_task, robot_of
-from ..skin_calib_addon.proposal.skins import FORMS, parse_skin
 from ..skin_calib_addon.robot.kinematics import link_poses
 from ..skin_calib_addon.robot.link_mesh import axis_warning, load_urdf_meshes
 from ..skin_calib_addon.robot.urdf import read_robot
@@ -99,11 +98,7 @@ class Propose(Working):
     is_wanted = True  # whether links of any size get skin
 
     def chosen(self, context):
-        text = bpy.path.abspath(context.scene.skin_calib.skin or preferences().skin)
-        try:
-            self.choice = replace(parse_skin(text), is_wanted=self.is_wanted)
-        except InvalidPlan as error:  # in words of the window
-            raise InvalidPlan(str(error).replace(FORMS, "Choose kind and size of the Proposed Skin.")) from error
+        self.choice = replace(chosen_skin(context.scene), is_wanted=self.is_wanted)
         robot_of.cache_clear()  # its files can have changed
         return super().chosen(context)
 

@@ -45,7 +45,8 @@ class SkinStep(Step):
     name = "skin"
 
     def figure(self, plan):
-        return counted(plan.result.taxels, "taxel") if plan.result.taxels else ""
+        result = plan.result
+        return f"{counted(result.taxels, 'taxel')}, {result.cells * 1e4:.0f} cm²" if result.taxels else ""
 
     def has_warnings(self, plan):
         return serious_of(warning for warning in plan.result.warnings if warning.skin) > 0

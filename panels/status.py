@@ -42,11 +42,18 @@ def state_of(link):
     if result.outdated:
         return "Plan or mesh has changed: fit again", "INFO"
     mean = result.mean * metres_per_unit(bpy.context.scene) * 1e3
-    taxels = counted(result.taxels, "taxel") if result.taxels else "add a skin"
+    taxels = f"{counted(result.taxels, 'taxel')}{covered(result)}" if result.taxels else "add a skin"
     worst = result.warnings[0].severity if result.warnings else ""
     worst = "warning" if worst in ("", "note") and serious_of(misplaced(link)) else worst
     icon = ICONS[worst] if worst in ("error", "warning") else "CHECKMARK"
     return f"Mean {mean:.4f} mm{least_exact(plan)}, {taxels}", icon
+
+
+def covered(result):
+    """Return, after the number of taxels, how much of the visible area they cover; empty if it is not known."""
+    if not result.seen:
+        return ""
+    return f" on {result.cells * 1e4:.0f} of {result.seen * 1e4:.0f} cm² ({result.cells / result.seen:.0%})"
 
 
 def misplaced(link):

@@ -6,3 +6,4 @@ skin.side_mm = 8.0
 skin.auto_gap = False
 skin.gap_mm = 0.0
 skin.choice = "fill"
+skin.offset_mm = 0.0

@@ -254,7 +254,7 @@ def test_added_sheet_runs_along_the_lines_of_the_fitted_surface(bpy, addon, link
 
 
 def test_added_skins_follow_the_others(bpy, addon, link):
-    """Their names are new, their channels come after those before, their sizes are the usual ones in any unit."""
+    """Their names are new, their channels follow, their sizes are the usual ones in any unit, of boards those of Propose."""
     bpy.context.scene.unit_settings.scale_length = 0.001
     link.skin_calib.skins[0].pitch = (8.5, 10)
     bpy.ops.skin_calib.skin_add()
@@ -266,8 +266,12 @@ def test_added_skins_follow_the_others(bpy, addon, link):
     assert [s.first_channel for s in plan.skins] == [None] * 4
     assert [s.first_channel for s in addon.skins.with_channels(plan.skins)] == [0, 6, 126, 246]
     assert plan.skins[2].lattice.pitch == (0.01, 0.01)
-    assert abs(plan.skins[3].lattice.pitch - 0.02775) < 1e-15
-    assert list(skins[1].pitch) == [10.0, 10.0] and f"{skins[1].side:g}" == "16.3"
+    assert (plan.skins[3].lattice.side, plan.skins[3].lattice.gap) == (0.008, 0)
+    assert list(skins[1].pitch) == [10.0, 10.0]
+    bpy.context.scene.skin_calib.skin = "hexagons:12mm,gap=0.5mm,thickness=3mm"
+    bpy.ops.skin_calib.skin_add(kind="hexagons")
+    added = addon.plans.read_plan(link, bpy.context.scene).skins[4]
+    assert (added.lattice.side, added.lattice.gap, added.offset) == (0.012, 0.0005, 0.0015)
 
 
 def test_maximum_deviation_is_shown_by_the_cursor(bpy, addon, link):

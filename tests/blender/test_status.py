@@ -63,7 +63,7 @@ def test_refused_fit_leaves_its_reason_until_a_change(bpy, link, updates):
         pass
     assert draw(bpy, "status")[0] == "Not fitted: press Propose or Fit"
     bpy.ops.skin_calib.fit()
-    assert re.match(r"Mean 0\.\d{4} mm, 6 taxels", draw(bpy, "status")[0])
+    assert re.match(r"Mean 0\.\d{4} mm, 6 taxels on 5 of \d{3} cm² \(\d%\)", " ".join(draw(bpy, "status")))
 
 
 @pytest.mark.parametrize("change", [slow("mesh"), "plan"])

@@ -147,6 +147,8 @@ class SKIN_PG_result(bpy.types.PropertyGroup):
     )
     control_points: whole(name="Control Points", description="Control points of the surface")
     taxels: whole(name="Taxels", description="Taxels of all skins")
+    cells: number(name="Cells", description="Area of the cells of all skins, in square metres")
+    seen: number(name="Visible Area", description="Area of the link that can be seen from outside, in square metres")
     warnings: many(type=warning.SKIN_PG_warning, name="Warnings", description="Warnings of the last fit")
     warning_index: whole(name="Warning", description="Which warning is shown in full; the worst one comes first", min=0)
     seconds: number(name="Time", description="Duration of the fit", unit="TIME_ABSOLUTE", precision=3)

@@ -7,7 +7,9 @@ import bpy
 from bpy.props import FloatProperty, FloatVectorProperty, StringProperty
 
 from ...common.colours import GREEN, SKY, VERMILLION, VIOLET, WHITE, YELLOW
-from ...proposal.skins import DEFAULT_SKIN, FORMS
+from ...common.errors import InvalidPlan
+from ...plan.skins import BoardSkin
+from ...proposal.skins import DEFAULT_SKIN, FORMS, SkinChoice, parse_skin
 from .skin_choice import SIZES, fields_of
 
 PACKAGE = __package__.partition(".skin_calib_addon")[0]
@@ -80,3 +82,19 @@ def preferences() -> SKIN_AP_preferences:
     """Return the preferences of the extension."""
     found: SKIN_AP_preferences = bpy.context.preferences.addons[PACKAGE].preferences
     return found
+
+
+def chosen_skin(scene: bpy.types.Scene) -> SkinChoice:
+    """Return the skin that is proposed in a scene; raise InvalidPlan, in words of the window, if it cannot be read."""
+    try:
+        return parse_skin(bpy.path.abspath(scene.skin_calib.skin or preferences().skin))
+    except InvalidPlan as error:
+        raise InvalidPlan(str(error).replace(FORMS, "Choose kind and size of the Proposed Skin.")) from error
+
+
+def chosen_boards(scene: bpy.types.Scene) -> BoardSkin:
+    """Return the boards that are proposed in a scene; the usual ones where other skins are."""
+    for choice in (chosen_skin(scene), parse_skin(DEFAULT_SKIN)):
+        if isinstance(choice.template, BoardSkin):
+            return choice.template
+    raise AssertionError(DEFAULT_SKIN)

@@ -19,6 +19,7 @@ from ...common.warnings import Warning
 from ...geometry.fit.surface_fit import SurfaceFit
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline import Calibrated, calibrate
+from ...pipeline.report import covered_area, seen_area
 from ...pipeline.sources import taxel_files
 from ...plan import Plan, plan_document
 from . import plans
@@ -28,6 +29,7 @@ from .warnings import write_warnings
 
 KEPT = 64  # results. Larger: more memory; smaller: links of a robot lose their fits, which are then fitted again
 _results: dict[str, Calibrated] = {}
+_seen: dict[str, float] = {}  # what can be seen of meshes from outside [m^2], by their hashes
 _lock = Lock()  # fits run in other threads
 
 
@@ -47,7 +49,9 @@ def fit(
     """Calibrate, or return the result of the same plan and mesh before; with its key."""
     key = key_of(plan, mesh.sha256)
     result = _results.get(key) or calibrate(plan, mesh, begin, known)
+    seen = _seen.get(mesh.sha256) or seen_area(mesh)
     with _lock:
+        _seen[mesh.sha256] = seen
         _results.pop(key, None)
         _results[key] = result  # the cache drops those that were not used for the longest time
         while len(_results) > KEPT:
@@ -103,6 +107,8 @@ def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibra
     record.hausdorff = max(fit.errors.hausdorff for fit in fits) / metre
     record.control_points = sum(fit.offsets.size for fit in fits)
     record.taxels = sum(len(p.taxels.ids) for p in result.calibration.patches)
+    record.cells = covered_area(result.calibration)
+    record.seen = _seen.get(result.calibration.mesh.sha256, 0.0)
     record.seconds = sum(result.seconds.values())
     write_warnings(record.warnings, warnings)
     link.skin_calib.steps.advance()

@@ -59,6 +59,13 @@ def add_skin(skins: Any, kind: str, metre: float, name: str = "skin") -> Any:
     return skin
 
 
+def give_size(group: Any, boards: BoardSkin, metre: float) -> None:
+    """Set lattice and height of a group of boards to those of others."""
+    skin = read_skin(group, metre)
+    assert isinstance(skin, BoardSkin)
+    write_skin(replace(skin, lattice=boards.lattice, offset=boards.offset), group, metre)
+
+
 def turn_along_lines(skin: Any, surface: BSplineSurface) -> None:
     """Set the direction of a new skin to that of the lines of a surface in its middle, to the side of the usual one.
 
