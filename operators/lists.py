@@ -53,6 +53,7 @@ class SKIN_OT_skin_add(Edit, Operator):
         boards = chosen_boards(context.scene) if self.kind == "hexagons" else None
         metre, result = metres_per_unit(context.scene), find(plan.result.key)
         skin = skins.add_skin(plan.skins, self.kind, metre)
+        plan.skin_index = len(plan.skins) - 1
         if boards:
             skins.give_size(skin, boards, metre)
         if result is not None:

@@ -18,6 +18,7 @@ from ..skin_calib_addon.common.errors import InvalidMesh, InvalidPlan, OutputErr
 from ..skin_calib_addon.common.findings import printable
 from ..skin_calib_addon.pipeline.robot_folder import save_link, save_robot
 from ..skin_calib_addon.proposal.links import Task, numbered, plan_path, propose_task, robot_of
+from ..skin_calib_addon.proposal.moved_plan import moved_plan
 from ..skin_calib_addon.robot.kinematics import link_poses
 from ..skin_calib_addon.robot.link_mesh import axis_warning, load_urdf_meshes
 from ..skin_calib_addon.robot.urdf import read_robot
@@ -144,6 +145,72 @@ class SKIN_OT_propose(Propose, Operator):
 
     bl_label = "Propose"
     blocked_by = (no_link, busy)
+
+
+def no_plan_of_robot(context):
+    """Return why the active link has no plan that another link of its robot can get."""
+    settings = context.object.skin_calib
+    if not settings.urdf:
+        return "Import a robot first: this link is alone"
+    return "" if settings.skins else "Add a skin, or propose one, first"
+
+
+class SKIN_OT_copy_to_mirror(Working, Operator):
+    """Copy the plan of the active link to the link that is its mirror image, and fit it; it replaces the plan there"""
+
+    bl_label = "Copy to Mirror Link"
+    blocked_by = (no_link, no_plan_of_robot, busy)
+
+    doing = "Copying the plan"
+
+    def chosen(self, context):
+        self.source = context.object.session_uid
+        robot_of.cache_clear()  # its files can have changed
+        return super().chosen(context)
+
+    def task(self, context, link):
+        if link.session_uid != self.source:
+            self.given, fit = fit_of(context, link)
+            return fit
+        plan, urdf = plans.read_plan(link, context.scene), robots.urdf_of(link)
+
+        def copy(begin):
+            begin("mirror image")
+            return moved_plan(plan, *robot_of(urdf).mirror_of(plan.link))
+
+        return copy
+
+    def store(self, context, link, result):
+        if link.session_uid != self.source:
+            store_fit(context, link, self.given, result)
+            self.report({"INFO"}, f"{link.name} has the copy: {counted(link.skin_calib.result.taxels, 'taxel')}")
+            return
+        same = (other for other in robots.links(context) if other.skin_calib.urdf == link.skin_calib.urdf)
+        target = next((other for other in same if other.skin_calib.link == result.link), None)
+        if target is None:
+            raise InvalidPlan(f"{result.link}, the mirror image of {link.name}, is not in the scene. Import the robot.")
+        plan = numbered(without_channels(result), robots.next_channel(target, context.scene))
+        plan = replace(plan, mesh=Path(target.skin_calib.mesh_file), extra={})
+        plans.check_numbers(plan, metres_per_unit(context.scene))
+        plans.write_plan(target, context.scene, plan)
+        settings = target.skin_calib
+        settings.proposed, settings.proposed_area, settings.refusal, settings.result.key = 0, "", "", ""
+        session.of(target).forget()
+        self.left.append((target.name, target.session_uid))  # its fit is next
+        self.total += 1
+
+    def keep_reason(self, link, error):
+        if link.session_uid != self.source:
+            updates.refuse(link, refusal_of(error))
+
+
+def without_channels(plan):
+    """Return a plan without the channels that its skins and single taxels state."""
+    skins = (
+        replace(skin, first_channel=None, taxels=tuple(single._replace(channel=None) for single in skin.taxels))
+        for skin in plan.skins
+    )
+    return replace(plan, skins=tuple(skins))
 
 
 class SKIN_OT_propose_all(Propose, Operator):

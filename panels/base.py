@@ -53,7 +53,7 @@ ICONS = {
     "MESH_CYLINDER": "open_sample",
     "MESH_DATA": "import_mesh",
     "MESH_PLANE": "grid_across planes_place",
-    "MOD_MIRROR": "planes_mirror",
+    "MOD_MIRROR": "copy_to_mirror planes_mirror",
     "OUTLINER_DATA_LATTICE": "propose propose_all",
     "OUTLINER_OB_MESH": "taxel_mesh",
     "PIVOT_CURSOR": "place_at_cursor",

@@ -91,6 +91,7 @@ class RobotStep(Step):
         row = buttons(layout)
         button(row, "propose_all", icon="NONE")
         button(row, "fit_all", icon="NONE")
+        button(layout, "copy_to_mirror")
         button(layout, "export_robot")
 
 

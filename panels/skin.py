@@ -3,6 +3,8 @@
 
 from functools import partial
 
+import bpy
+
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene.plans import surface_names
@@ -40,6 +42,17 @@ RARE = (
 )
 
 
+# [1] skins up to which each one has a box, and rows of the list of more of them. Larger: Export moves down.
+MAX_BOXES, MAX_ROWS = 3, 5
+
+
+class SKIN_UL_skins(bpy.types.UIList):
+    """Skins, one in a row; the selected one is shown below the list"""
+
+    def draw_item(self, _context, layout, _data, skin, _icon, _active, _property, _index):
+        layout.label(text=skin.name)
+
+
 class SkinStep(Step):
     label = "Skin"
     name = "skin"
@@ -54,7 +67,12 @@ class SkinStep(Step):
     def draw_plan(self, layout, plan):
         if not plan.skins:
             show_text(layout, "Add a sheet, boards, or taxels of a file", "INFO")
-        for i, skin in enumerate(plan.skins):
+        shown = list(enumerate(plan.skins))
+        if len(shown) > MAX_BOXES:
+            names = "SKIN_UL_skins", "", plan, "skins", plan, "skin_index"
+            layout.template_list(*names, rows=MAX_ROWS, maxrows=MAX_ROWS, sort_lock=True)
+            shown = [shown[min(plan.skin_index, len(shown) - 1)]]
+        for i, skin in shown:
             box = layout.box()
             in_row = 3 if len(plan.skins) > 1 else 2
             if not fits(skin.name, in_row * BUTTON_WIDTH):  # the field shows its start only
@@ -153,6 +171,7 @@ class SkinStep(Step):
             return
         column = layout.column(align=True)
         column.label(text=key.label)
+        column = column.grid_flow(row_major=True, even_columns=True, align=True)
         for k, name in enumerate(names):
             is_on = name == skin.surface or not skin.surface and k == 0
             button(column, "skin_surface", text=name, icon="NONE", depress=is_on, skin=i, name=name)

@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 from ..calibration.model import LinkCalibration
-from ..common.errors import SkinCalibError
+from ..common.errors import SkinCalibError, UnknownLink
 from ..geometry.blas_threads import one_blas_thread
 from ..geometry.mesh.triangle_mesh import TriangleMesh, load_mesh
 from ..pipeline import calibrate
@@ -224,6 +224,15 @@ class WholeRobot:
         """Return the links that are like another one, which is like none."""
         found = find_twins(self.robot, self.keep_out.meshes)
         return {link: twin for link, twin in found.items() if twin.link not in found}
+
+    def mirror_of(self, link: str) -> tuple[str, Twin]:
+        """Return the link that is the mirror image of a link, and the reflection to it; raise UnknownLink without."""
+        for other, twin in self.twins.items():
+            if twin.is_mirrored and link == twin.link:
+                return other, twin
+            if twin.is_mirrored and link == other:
+                return twin.link, twin.inverse(other)
+        raise UnknownLink(f"No link of {self.robot.file} is the mirror image of {link}: their meshes differ.")
 
 
 @lru_cache(maxsize=1)

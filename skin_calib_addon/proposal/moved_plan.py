@@ -5,24 +5,31 @@ from dataclasses import replace
 import numpy as np
 
 from ..common.arrays import Array
+from ..common.errors import InvalidPlan
 from ..geometry.grid.axis import Axis
-from ..geometry.grid.grids import Across, Grid, Region, Sector, Tube, Vector, sector_frame
+from ..geometry.grid.grids import Across, PlanesGrid, Region, Sector, Tube, Vector, sector_frame
 from ..geometry.mesh.cover import Cut
 from ..plan.document import without_axis_point
 from ..plan.plan import Plan, Surface
-from ..plan.skins import BoardSkin, SheetSkin, Skin
+from ..plan.skins import ImportedSkin, SheetSkin, Skin
 from ..robot.mirrored import Twin
 from .candidates import DECIMALS
 
 
 def moved_plan(plan: Plan, link: str, twin: Twin) -> Plan:
-    """Return the plan of a link, moved or reflected to its twin: surfaces, boundaries and skins with all cells."""
+    """Return the plan of a link, moved or reflected to its twin: surfaces, boundaries and skins with all cells.
+
+    Raise InvalidPlan where it has planes placed by hand, a sector about an axis that is not known, or taxels of a file.
+    """
     surfaces = tuple(_moved_surface(surface, twin) for surface in plan.surfaces)
     return replace(plan, link=link, surfaces=surfaces, skins=tuple(_moved_skin(skin, twin) for skin in plan.skins))
 
 
 def _moved_surface(surface: Surface, twin: Twin) -> Surface:
-    assert isinstance(surface.grid, Grid)
+    if isinstance(surface.grid, PlanesGrid):
+        raise InvalidPlan(f"{surface.name} has planes placed by hand, which have no copy. Choose another kind of grid.")
+    if isinstance(surface.grid.region, Sector) and surface.grid.region.axis is None:
+        raise InvalidPlan(f"{surface.name} is a sector about an automatic axis, which has no copy. State its axis.")
     grid = replace(surface.grid, region=moved_region(surface.grid.region, twin))
     cuts = tuple(Cut(_point(cut.point, twin), _direction(cut.normal, twin)) for cut in surface.cover.cuts)
     return replace(surface, cover=replace(surface.cover, cuts=cuts), grid=without_axis_point(grid))
@@ -50,7 +57,10 @@ def moved_region(region: Region, twin: Twin) -> Region:
 
 
 def _moved_skin(skin: Skin, twin: Twin) -> Skin:
-    assert isinstance(skin, SheetSkin | BoardSkin)
+    if isinstance(skin, ImportedSkin):
+        raise InvalidPlan(f"{skin.name} has the taxels of a file, which have no copy. Remove it, or copy by hand.")
+    if skin.registration is not None and skin.registration.anchor is not None:
+        skin = replace(skin, registration=skin.registration._replace(anchor=_point(skin.registration.anchor, twin)))
     origin = None if skin.origin is None else _point(skin.origin, twin)
     if isinstance(skin, SheetSkin):
         hand = skin.lattice.hand
@@ -60,10 +70,16 @@ def _moved_skin(skin: Skin, twin: Twin) -> Skin:
         lattice, direction = replace(skin.lattice, hand=hand), _direction(skin.direction, twin)
         return replace(skin, origin=origin, direction=direction, lattice=lattice, landmarks=marks)
     along = None if skin.direction is None else _direction(skin.direction, twin)
-    choice = skin.choice
-    if twin.is_mirrored and not isinstance(choice, str):
-        choice = tuple((q + r, -r) for q, r in choice)  # the lattice, reflected about its row
-    return replace(skin, origin=origin, direction=along, choice=choice)
+    choice, taxels = skin.choice, skin.taxels
+    if twin.is_mirrored:
+        # The lattice, reflected about its row. Along the lines of the surface, the row has the other direction.
+        sign = 1 if skin.direction else -1
+        choice = choice if isinstance(choice, str) else tuple((sign * (q + r), -sign * r) for q, r in choice)
+        cells = (map(int, single.taxel.split(".")) for single in taxels)
+        names = (f"{sign * (q + r)}.{-sign * r}" for q, r in cells)
+        taxels = tuple(single._replace(taxel=name) for single, name in zip(taxels, names))
+    excluded = tuple(replace(zone, point=_point(zone.point, twin)) for zone in skin.excluded)
+    return replace(skin, origin=origin, direction=along, choice=choice, taxels=taxels, excluded=excluded)
 
 
 def _point(point: Vector, twin: Twin) -> Vector:

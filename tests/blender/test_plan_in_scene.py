@@ -254,7 +254,7 @@ def test_added_sheet_runs_along_the_lines_of_the_fitted_surface(bpy, addon, link
 
 
 def test_added_skins_follow_the_others(bpy, addon, link):
-    """Their names are new, their channels follow, their sizes are the usual ones in any unit, of boards those of Propose."""
+    """Their names are new, their channels follow, their sizes are usual in any unit, those of boards as of Propose."""
     bpy.context.scene.unit_settings.scale_length = 0.001
     link.skin_calib.skins[0].pitch = (8.5, 10)
     bpy.ops.skin_calib.skin_add()

@@ -222,6 +222,19 @@ def test_panel_lists_landmarks_and_zones(bpy, link):
         assert shown[start : start + len(head)] == head
 
 
+def test_panel_shows_the_selected_one_of_many_skins(bpy, link):
+    """Up to three have a box each; of more, the list selects one, so that Export stays near."""
+    for count in (2, 3, 4):
+        bpy.ops.skin_calib.skin_add(kind="hexagons")
+        assert draw(bpy, "skin").count("Remove Skin") == (count if count <= 3 else 1)
+    assert link.skin_calib.skin_index == 3
+    link.skin_calib.skin_index, link.skin_calib.skins[0].opened = 0, True
+    assert "rows" in draw(bpy, "skin")  # the sheet
+    for _ in range(4):
+        assert draw(bpy, "skin").count("Remove Skin") > 0
+        bpy.ops.skin_calib.skin_remove(index=0)
+
+
 def test_panel_shows_warnings_line_by_line(bpy, link):
     """Message and advice are in lines that the sidebar can show."""
     result = link.skin_calib.result

@@ -348,3 +348,62 @@ def test_proposal_of_a_real_link_has_the_plan_of_the_command_line(bpy, tmp_path,
     assert bpy.ops.skin_calib.propose() == {"FINISHED"}
     assert bpy.ops.skin_calib.export_robot(directory=str(window)) == {"FINISHED"}
     assert files_of(window) == files_of(command) and len(files_of(window)) == 4
+
+
+@pytest.fixture
+def arms(bpy, tmp_path):
+    """Import a robot of two plates that are mirror images, and a nose; return its left and right link."""
+    plate = trimesh.creation.box((0.07, 0.05, 0.024)).subdivide().subdivide()
+    plate.vertices[:, 0] += 0.1 * plate.vertices[:, 1]
+    written(welded(plate), tmp_path / "left.ply")
+    plate.apply_transform(np.diag((1.0, -1.0, 1.0, 1.0)))
+    written(welded(plate), tmp_path / "right.ply")
+    written(box((0, 0, 0), (0.03, 0.02, 0.02)), tmp_path / "nose.ply")
+    inner = '<link name="body"/>' + "".join(
+        f'<link name="{name}">{shape(f"{name}.ply")}</link><joint name="{name}_joint" type="fixed"><parent '
+        f'link="body"/><child link="{name}"/><origin xyz="{x} {y} 0"/></joint>'
+        for name, x, y in (("left", 0, 0.3), ("right", 0, -0.3), ("nose", 0.3, 0))
+    )
+    (tmp_path / "arms.urdf").write_text(f'<robot name="arms">{inner}</robot>')
+    assert bpy.ops.skin_calib.import_robot(filepath=str(tmp_path / "arms.urdf")) == {"FINISHED"}
+    return bpy.data.objects["left"], bpy.data.objects["right"]
+
+
+def across(plan):
+    """Give a link boards on its upper face, without one in the middle."""
+    plan.grid.kind, plan.grid.normal = "across", (0, 0, 1)
+    plan.skins[0].choice, plan.skins[0].cells = "listed", "0,0 1,0 0,1 -1,1"
+
+
+def test_plan_is_copied_to_the_mirror_link(bpy, addon, arms):
+    """It is fitted there, after the channels of the other links, as one step of undo."""
+    left, right = arms
+    bpy.context.view_layer.objects.active = left
+    bpy.ops.skin_calib.skin_add(kind="hexagons")
+    across(left.skin_calib)
+    assert bpy.ops.skin_calib.fit() == {"FINISHED"}
+    bpy.ops.ed.undo_push(message="start")
+    assert bpy.ops.skin_calib.copy_to_mirror("EXEC_DEFAULT", True) == {"FINISHED"}
+    plans = [addon.plans.read_plan(link, bpy.context.scene) for link in arms]
+    assert plans[1].skins[0].choice == ((0, 0), (-1, 0), (-1, 1), (0, 1)) and plans[1].skins[0].first_channel == 4
+    one, other = (
+        addon.results.find(link.skin_calib.result.key).calibration.patches[0].taxels.positions_link for link in arms
+    )
+    assert_allclose(other, one * (1, -1, 1), atol=2e-6)
+    assert not right.skin_calib.result.outdated and bpy.context.object == left
+    bpy.ops.ed.undo()
+    assert not bpy.data.objects["right"].skin_calib.skins and bpy.data.objects["left"].skin_calib.result.key
+
+
+def test_plan_that_cannot_be_copied_changes_nothing(bpy, addon, arms):
+    """A link without a mirror image, or whose mirror image was removed, keeps its plan, with a reason."""
+    for name, words in (("nose", "No link of arms.urdf is the mirror image of nose"), ("left", "right, the mirror")):
+        link = bpy.data.objects[name]
+        bpy.context.view_layer.objects.active = link
+        bpy.ops.skin_calib.skin_add(kind="sheet")
+        if name == "left":
+            bpy.data.objects.remove(arms[1])
+        before = scene_state(bpy, addon)
+        with pytest.raises(RuntimeError, match=words):
+            bpy.ops.skin_calib.copy_to_mirror()
+        assert scene_state(bpy, addon) == before

@@ -17,6 +17,7 @@ ALLOWED = {
     "blender/inspection/replay.py: messages": "by a token that undo restores on the link",
     "blender/inspection/replay.py: _replays": "by a token that undo restores on the link",
     "blender/scene/results.py: _results": "by a hash of plan and mesh",
+    "blender/scene/results.py: _seen": "by a hash of the mesh",
     "operators/link.py: _choices": "of the search that is open",
     "operators/files.py: _reading": "of the file that is read",
 }

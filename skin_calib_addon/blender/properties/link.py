@@ -205,6 +205,7 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
     cover: PointerProperty(type=SKIN_PG_cover, name="Cover", description="What of the mesh is covered with skin")
     grid: PointerProperty(type=SKIN_PG_grid, name="Grid", description="Where planes and lines are")
     skins: many(type=SKIN_PG_skin, name="Skins", description="Sheets and boards on the link")
+    skin_index: whole(name="Skin", description="Which of many skins is shown", min=0)
     response: many(
         type=SKIN_PG_number, name="Response", description="Polynomial from readings to newtons, lowest power first"
     )

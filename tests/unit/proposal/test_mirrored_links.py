@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.calibration.file import load_calibration
 from skin_calib_addon.cli import main
+from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh, weld
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan, plan_document, plan_from
@@ -17,8 +18,10 @@ from skin_calib_addon.proposal.moved_plan import moved_plan
 from skin_calib_addon.proposal.skins import parse_skin
 from skin_calib_addon.robot.mirrored import Twin
 from tests.shapes import box
+from tests.unit.commands.test_cli import PLAN, planes
 
 MIRROR = np.array((1.0, -1.0, 1.0))
+SECTOR = {"kind": "patch", "from": -0.4, "to": 1.3, "margin": 0.03, "n": 6, "lines": 8}
 URDF = """<robot name="arms"><link name="body"/>
   <link name="left"><visual><geometry><mesh filename="left.ply"/></geometry></visual></link>
   <link name="right"><visual><geometry><mesh filename="right.ply"/></geometry></visual></link>
@@ -130,6 +133,11 @@ def of_arm():
     skins = [
         {"name": "s", "kind": "sheet", "rows": 3, "columns": 4, "pitch": [0.006, 0.008], "hand": "left"} | place,
         {"name": "b", "kind": "hexagons", "side": 0.006, "cells": cells} | place,
+        # Along the lines of the surface, with a board that is disabled, a screw, and the place of its mount.
+        {"name": "c", "kind": "hexagons", "side": 0.005, "cells": [[0, 0], [1, 0], [0, 1], [2, 1], [-1, 2]]}
+        | {"origin": [0.045, 0.02, -0.035], "taxels": [{"taxel": "2.1", "enabled": False}]}
+        | {"excluded": [{"point": [0.05, 0.02, 0.07], "radius": 0.004}]}
+        | {"registration": {"anchor": [0.045, 0.02, -0.035]}},
     ]
     document = {"format": "skin-plan", "version": 1, "link": "left", "mesh": "left.ply", "unit": "m"}
     plan = plan_from(document | {"grid": grid, "skins": skins})
@@ -152,3 +160,26 @@ def test_skins_of_a_moved_plan_are_the_moved_skins(of_arm, mirrored):
         expected = a.taxels.positions_link @ transform[:3, :3].T + transform[:3, 3]
         np.testing.assert_allclose(b.taxels.positions_link, expected, atol=5e-5)
         np.testing.assert_allclose(b.taxels.normals_link, a.taxels.normals_link @ transform[:3, :3].T, atol=1e-3)
+        for name in a.taxels.quality.keys() & {"overhang", "gap"}:
+            np.testing.assert_allclose(b.taxels.quality[name], a.taxels.quality[name], atol=5e-5)
+    moved = moved_plan(plan, "right", Twin("left", transform)).skins[2]
+    for old, new in (
+        (plan.skins[2].excluded[0].point, moved.excluded[0].point),
+        (plan.skins[2].registration.anchor, moved.registration.anchor),
+    ):
+        np.testing.assert_allclose(new, transform[:3, :3] @ old + transform[:3, 3], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "changes, words",
+    [
+        ({"grid": planes((0.0, 0.05, 0.1, 0.15))}, "planes placed by hand"),
+        ({"grid": SECTOR}, "a sector about an automatic axis"),
+        ({"skins": [{"name": "s", "kind": "imported", "file": "a.ini"}]}, "taxels of a file"),
+    ],
+)
+def test_plan_that_has_no_copy_is_refused(changes, words):
+    """Its numbers mean another place on the twin."""
+    plan = plan_from(PLAN | changes)
+    with pytest.raises(InvalidPlan, match=words):
+        moved_plan(plan, "right", Twin("left", np.diag((1.0, -1, 1, 1))))
