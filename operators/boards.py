@@ -55,13 +55,12 @@ class SKIN_OT_boards_paint(Followed, Picking, OnSkin, Operator):
         skin, taxels = self.boards(context)
         metre = metres_per_unit(context.scene)
         boards = skins.read_skin(skin, metre)
-        cell = board_at(taxels, boards.lattice, vector(self.point, metre))
+        cell, is_there = board_at(taxels, boards.lattice, vector(self.point, metre))
         cells = list(boards.choice) if skin.choice == "listed" else [tuple(c) for c in taxels.index.tolist()]
-        if cells == [cell]:
+        others = [other for other in cells if other[:2] != cell]
+        if not others:
             raise SkinCalibError("This is the last board. Remove the skin instead.")
+        if len(others) < len(cells) and not is_there:
+            raise SkinCalibError("Another board, beside its place in the lattice, has the coordinates of this place.")
         skins.list_boards(skin, taxels, metre)
-        if cell in cells:
-            cells.remove(cell)
-        else:
-            cells.append(cell)
-        skin.cells = written_cells(cells)
+        skin.cells = written_cells(others if is_there else [*cells, cell])

@@ -125,8 +125,10 @@ def moved(skin: Skin, patch: Patch, motion: Motion) -> Skin:
     origin, direction = _root(skin, patch, motion)
     if isinstance(skin, SheetSkin):
         return replace(skin, origin=origin, direction=direction)
-    cells = tuple((q, r) for q, r in patch.taxels.index.tolist())
-    return replace(skin, choice=cells, origin=origin, direction=direction)
+    listed = skin.choice
+    if isinstance(listed, str):
+        listed = tuple((q, r) for q, r in patch.taxels.index.tolist())
+    return replace(skin, choice=listed, origin=origin, direction=direction)
 
 
 def _root(skin: SheetSkin | BoardSkin, patch: Patch, motion: Motion) -> tuple[Any, Any]:

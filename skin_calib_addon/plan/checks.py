@@ -1,7 +1,7 @@
 """What the members of a plan must be together, where each of them is right alone."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -12,6 +12,7 @@ from ..common.arrays import MIN_DIRECTION_LENGTH
 from ..common.errors import InvalidPlan, SkinCalibError, listed
 from ..common.findings import Finding, child, did_you_mean, error
 from ..geometry.grid.grids import Across, Grid, PlanesGrid
+from ..skin.boards.layout import Cell
 from ..skin.imported import not_a_rotation
 from .plan import Plan
 from .skins import BoardSkin, ImportedSkin, SheetSkin, Skin, first_channels
@@ -108,9 +109,20 @@ def check_alone(skin: Skin) -> None:
         check_direction(skin.direction, f"The direction of skin {name!r} is zero. Give the direction of its rows.")
     if isinstance(skin, SheetSkin):
         check_landmarks(skin)
-    if isinstance(skin, BoardSkin) and isinstance(skin.choice, tuple) and len(set(skin.choice)) < len(skin.choice):
-        raise InvalidPlan(f"Skin {name!r} lists a cell twice. List each board once.")
+    if isinstance(skin, BoardSkin) and isinstance(skin.choice, tuple):
+        check_boards(name, skin.choice)
     check_single_taxels(skin)
+
+
+def check_boards(name: str, boards: Sequence[Cell]) -> None:
+    """Refuse a list that has a board twice, or numbers that say nothing."""
+    if len({board[:2] for board in boards}) < len(boards):
+        raise InvalidPlan(f"Skin {name!r} lists a cell twice. List each board once.")
+    for board in boards:
+        if len(board) not in (2, 5):
+            raise InvalidPlan(
+                f"Skin {name!r} has a board of {len(board)} numbers, {list(board)}. Give q and r, or q, r, x, y, turn."
+            )
 
 
 def check_single_taxels(skin: Skin) -> None:
@@ -140,7 +152,7 @@ def _cells(skin: SheetSkin | BoardSkin) -> Iterable[tuple[int, int]]:
             f"Skin {skin.name!r} has single taxels, but boards that are not listed have other numbers on another "
             "surface. List its boards one by one."
         )
-    return skin.choice
+    return ((q, r) for q, r, *_ in skin.choice)
 
 
 def check_landmarks(skin: SheetSkin) -> None:

@@ -13,6 +13,7 @@ from ..common.errors import InvalidPlan
 from ..geometry.grid.grids import Across, Grid, PlanesGrid, Sector, Tolerance, axis_along
 from ..geometry.mesh.cover import Cut
 from ..geometry.sampling.planes import Planes
+from ..skin.boards.layout import Choice
 from .checks import check_skins, check_together
 from .key import Record, Type
 from .keys import GRIDS, PLAN, PLANE, PLANS, SKINS_OF
@@ -103,6 +104,13 @@ def whole(value: Any) -> Any:
     if isinstance(value, list):
         return tuple(whole(item) for item in value)
     return value if isinstance(value, str) else int(value)
+
+
+def read_cells(value: Any) -> Choice:
+    """Return the boards of a skin: a word, or a list."""
+    if isinstance(value, str):
+        return value  # type: ignore[return-value]
+    return tuple((int(q), int(r), *map(float, beside)) for q, r, *beside in value)  # type: ignore[misc]
 
 
 def as_lists(value: Any) -> Any:
@@ -196,7 +204,7 @@ def skin_kind(skin: Skin) -> str:
 # By kind of type, where records and tuples are not enough.
 READ: dict[str, Callable[[Any], Any]] = {
     "count": whole,
-    "cells": whole,
+    "cells": read_cells,
     "file": Path,
     "mesh": Path,
     "planes": read_planes,

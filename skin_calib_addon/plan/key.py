@@ -169,9 +169,9 @@ def _numbers(value: Any) -> Iterator[float]:
 
 
 def _limits(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the limits of the numbers in a value, which all have the same."""
-    while "items" in schema:
-        schema = schema["items"]
+    """Return the limits of the numbers in a value, which all have those of the first."""
+    while "items" in schema or "prefixItems" in schema:
+        schema = schema["prefixItems"][0] if "prefixItems" in schema else schema["items"]
     return {name: schema[name] for name in LIMITS if name in schema}
 
 

@@ -92,14 +92,22 @@ ROTATION = Type(
     shape=(3, 3),
     digits=4,
 )
-CELL = {"type": "array", "items": {"type": "integer", "minimum": -1000, "maximum": 1000}, "minItems": 2, "maxItems": 2}
+COORDINATE = {"type": "integer", "minimum": -1000, "maximum": 1000}
+CELL = {"type": "array", "items": COORDINATE, "minItems": 2, "maxItems": 2}
+STEP = {"type": "number", "minimum": -1, "maximum": 1}
+BOARD = {
+    "type": "array",
+    "prefixItems": [COORDINATE, COORDINATE, STEP, STEP, {"type": "number", "minimum": -4, "maximum": 4}],
+    "minItems": 2,
+    "maxItems": 5,
+}
 CELLS = Type(
     "cells",
-    "`fill`, `all`, or a list of `[q, r]`",
+    "`fill`, `all`, or a list of `[q, r]` or `[q, r, x, y, turn]`",
     {
         "oneOf": [
             {"type": "string", "enum": ["fill", "all"]},
-            {"type": "array", "items": CELL, "minItems": 1, "maxItems": 10000},
+            {"type": "array", "items": BOARD, "minItems": 1, "maxItems": 10000},
         ]
     },
     choices=(
@@ -609,7 +617,8 @@ BOARDS = Record(
             "cells",
             CELLS,
             "Which boards there are: as many as fit, all from the origin, or a list of axial coordinates. q counts "
-            "along the rows, r along the direction 60 degrees to their left.",
+            "along the rows, r along the direction 60 degrees to their left. A board beside its place in the lattice "
+            "has x along the rows and y to their left, in metres along the surface, and the turn in radians.",
             default="fill",
             field="choice",
             blender="choice",

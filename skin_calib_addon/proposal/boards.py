@@ -14,6 +14,7 @@ from ..geometry.mesh.visibility import are_seen
 from ..pipeline.place_skins import place_skin
 from ..plan.skins import BoardSkin
 from ..skin.boards.ground import MAX_DISTANCE, Ground
+from ..skin.boards.layout import Layout, kept_layout
 from ..skin.boards.overlap import largest_apart, overlapping
 from .candidates import DECIMALS
 from .chains import chains_of
@@ -25,13 +26,14 @@ def boards_on(template: BoardSkin, fit: SurfaceFit) -> tuple[BoardSkin, TaxelArr
 
     A list takes no search when the plan is carried out, and its number of channels is known.
     """
-    filled = place_skin(replace(template, direction=None), fit, 0).patch.taxels
-    root = int(np.flatnonzero((filled.index == 0).all(axis=1))[0])
-    x, y, z = np.round(fit.error_field.surface.points(filled.uv[[root]])[0], DECIMALS).tolist()
-    a, b, c = np.round(filled.tangents_link[root], DECIMALS).tolist()
-    skin = replace(template, choice="all", origin=(x, y, z), direction=(a, b, c))
-    taxels = place_skin(skin, fit, 0).patch.taxels
-    return with_cells(skin, taxels, np.ones(len(taxels.ids), bool)), taxels
+    surface, more = fit.error_field.surface, (template.offset, fit, tuple(template.excluded))
+    boards = Layout.of(surface, template.lattice, None, None, *more).densest()
+    (root,) = np.flatnonzero((boards.cells == 0).all(axis=1)).tolist()
+    x, y, z = np.round(surface.points(boards.uv[[root]])[0], DECIMALS).tolist()
+    a, b, c = np.round(boards.tangents[root], DECIMALS).tolist()
+    listing = kept_layout(surface, template.lattice, (x, y, z), (a, b, c), *more).listing(boards)
+    skin = replace(template, choice=listing, origin=(x, y, z), direction=(a, b, c))
+    return skin, place_skin(skin, fit, 0).patch.taxels
 
 
 def boards_of_list(skin: BoardSkin, fit: SurfaceFit) -> tuple[BoardSkin, TaxelArray]:
@@ -57,10 +59,10 @@ def _fit(skin: BoardSkin, fit: SurfaceFit, taxels: TaxelArray) -> BoolArray:
 
 def with_cells(skin: BoardSkin, taxels: TaxelArray, kept: BoolArray) -> BoardSkin:
     """Return a skin with a list of boards, chain by chain: so their ids and channels follow each other."""
-    chain = chains_of(taxels, kept)
-    return replace(
-        skin, choice=tuple((int(q), int(r)) for q, r in taxels.index[kept][np.argsort(chain, kind="stable")])
-    )
+    listed = () if isinstance(skin.choice, str) else skin.choice
+    known = {cell[:2]: cell for cell in listed}
+    cells = taxels.index[kept][np.argsort(chains_of(taxels, kept), kind="stable")].tolist()
+    return replace(skin, choice=tuple(known.get((q, r), (q, r)) for q, r in cells))
 
 
 def open_cells(mesh: TriangleMesh, on: LinkPoints, taxels: Sequence[TaxelArray]) -> BoolArray:

@@ -13,6 +13,7 @@ from ..plan.document import without_axis_point
 from ..plan.plan import Plan, Surface
 from ..plan.skins import ImportedSkin, SheetSkin, Skin
 from ..robot.mirrored import Twin
+from ..skin.boards.layout import Cell
 from .candidates import DECIMALS
 
 
@@ -74,12 +75,21 @@ def _moved_skin(skin: Skin, twin: Twin) -> Skin:
     if twin.is_mirrored:
         # The lattice, reflected about its row. Along the lines of the surface, the row has the other direction.
         sign = 1 if skin.direction else -1
-        choice = choice if isinstance(choice, str) else tuple((sign * (q + r), -sign * r) for q, r in choice)
+        choice = choice if isinstance(choice, str) else tuple(_reflected(cell, sign) for cell in choice)
         cells = (map(int, single.taxel.split(".")) for single in taxels)
         names = (f"{sign * (q + r)}.{-sign * r}" for q, r in cells)
         taxels = tuple(single._replace(taxel=name) for single, name in zip(taxels, names))
     excluded = tuple(replace(zone, point=_point(zone.point, twin)) for zone in skin.excluded)
     return replace(skin, origin=origin, direction=along, choice=choice, taxels=taxels, excluded=excluded)
+
+
+def _reflected(cell: Cell, sign: int) -> Cell:
+    """Return a board of a list, reflected about the row of the root; the sign is minus one for the other direction."""
+    q, r, *beside = cell
+    if not beside:
+        return sign * (q + r), -sign * r
+    x, y, turn = beside
+    return sign * (q + r), -sign * r, sign * x, -sign * y, -turn
 
 
 def _point(point: Vector, twin: Twin) -> Vector:

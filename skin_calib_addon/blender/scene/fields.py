@@ -12,13 +12,15 @@ import bpy
 import numpy as np
 
 from ...common.errors import InvalidPlan
+from ...common.text import NumberError, real
 from ...geometry.mesh.cover import Cut
 from ...geometry.sampling.planes import Planes
 from ...plan.document import as_tuples, planes_from
 from ...plan.key import Key, Record, problem
+from ...skin.boards.layout import Cell
 from .units import exact, in_units, vector
 
-CELL = re.compile(r"(-?\d{1,4}),(-?\d{1,4})")
+CELL = re.compile(r"-?\d{1,4},-?\d{1,4}(,[^,]+,[^,]+,[^,]+)?")
 # Kinds of values whose properties a module of its own reads and writes.
 OWN = ("mesh", "group", "grid", "skins", "response")
 
@@ -85,7 +87,7 @@ def _value(key: Key, group: Any, metre: float, where: tuple[str, ...]) -> Any:
     return exact(value, factor) if isinstance(value, float) else value
 
 
-def _cells(key: Key, text: str, where: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
+def _cells(key: Key, text: str, where: tuple[str, ...]) -> tuple[Cell, ...]:
     try:
         cells = read_cells(text)
     except InvalidPlan as error:
@@ -146,20 +148,24 @@ def _cuts(planes: Planes) -> tuple[Cut, ...]:
     return tuple(Cut(*pair) for pair in zip(planes.points.tolist(), planes.directions.tolist()))
 
 
-def read_cells(text: str) -> tuple[tuple[int, int], ...]:
-    """Return axial coordinates written as "0,0 1,0 0,1"."""
-    cells = []
+def read_cells(text: str) -> tuple[Cell, ...]:
+    """Return boards written as "0,0 1,0 0,1", or "0,0,x,y,turn" beside their place [m, m, rad]."""
+    cells: list[Cell] = []
     for word in re.sub(r"\s*,\s*", ",", text).split():
         found = CELL.fullmatch(word)
         if not found:
             raise InvalidPlan(f"{word!r} is not a cell; write q,r for each board, as in 0,0 1,0 0,1")
-        cells.append((int(found[1]), int(found[2])))
+        q, r, *beside = word.split(",")
+        try:
+            cells.append((int(q), int(r), *map(real, beside)))
+        except NumberError as error:
+            raise InvalidPlan(f"{word!r} is not a board: {error}") from error
     return tuple(cells)
 
 
 def written_cells(cells: Any) -> str:
     """Return axial coordinates as :func:`read_cells` reads them."""
-    return " ".join(f"{q},{r}" for q, r in cells)
+    return " ".join(",".join(f"{number:g}" if k < 2 else f"{number:.6f}" for k, number in enumerate(c)) for c in cells)
 
 
 def kept_path(path: str) -> str:

@@ -8,7 +8,7 @@ from ...calibration.model import Patch, TaxelArray, neighbour_rows
 from ...common.arrays import Array, IntArray, tangential
 from ..lattice import HexLattice
 from ..neighbours import angles, largest_of, neighbours
-from .layout import WrappedBoards
+from .wrapped_boards import WrappedBoards
 
 
 def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overhang: Array | None = None) -> TaxelArray:
@@ -42,6 +42,7 @@ def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overh
     adjacent = neighbours(ids, positions, normals, corners)
     pairs = neighbour_rows(ids, adjacent)
     linked = lattice.linked(boards.cells)
+    linked = linked[~boards.beside[linked].any(axis=1)]
     linked = np.concatenate((linked, linked[:, ::-1]))
     return TaxelArray(
         ids=ids,
@@ -109,12 +110,12 @@ def _collisions(boards: WrappedBoards) -> Array:
     return depth
 
 
-def board_at(taxels: TaxelArray, lattice: HexLattice, point: Array) -> tuple[int, int]:
-    """Return the axial coordinates of the board at a point of the link, whether the board exists or not.
+def board_at(taxels: TaxelArray, lattice: HexLattice, point: Array) -> tuple[tuple[int, int], bool]:
+    """Return the axial coordinates of the board at a point of the link, and whether there is one.
 
     The lattice continues in the plane of the nearest existing board.
     """
     arms = point - taxels.positions_link
     i = int(np.argmin((arms**2).sum(axis=1)))
     q, r = lattice.cell_at(taxels.axes_link[i] @ arms[i])
-    return int(taxels.index[i, 0]) + q, int(taxels.index[i, 1]) + r
+    return (int(taxels.index[i, 0]) + q, int(taxels.index[i, 1]) + r), (q, r) == (0, 0)

@@ -67,11 +67,23 @@ class FlatMap:
             uv = np.clip(uv + _solved(self.slopes(uv), flat - self(uv)), *self.domain)
         return uv, np.linalg.norm(flat - self(uv), axis=1)
 
-    def directions(self, uv: Array, angle: float) -> Array:
-        """Return unit tangents (k, 3) of the surface at parameters (k, 2), along a direction of the flat map."""
-        steps = _solved(self.slopes(uv), np.array((np.cos(angle), np.sin(angle))))
+    def directions(self, uv: Array, angles: ArrayLike) -> Array:
+        """Return unit tangents (k, 3) of the surface at parameters (k, 2), along directions of the flat map [rad]."""
+        steps = _solved(self.slopes(uv), np.stack((np.cos(angles), np.sin(angles)), axis=-1))
         r = self.surface.derivatives(uv)
         return unit(steps[:, :1] * r[1, 0] + steps[:, 1:] * r[0, 1])
+
+    def angles(self, uv: Array, tangents: Array) -> Array:
+        """Return the directions in the flat map of tangents (k, 3) at parameters (k, 2), shape (k,) [rad]."""
+        x, y = (self.slopes(uv) @ steps_along(self.surface, uv, tangents)[..., None])[..., 0].T
+        return np.arctan2(y, x)
+
+
+def steps_along(surface: BSplineSurface, uv: Array, arms: Array) -> Array:
+    """Return the steps of parameters (n, 2) that move their points most nearly by arms (n, 3) [m], shape (n, 2)."""
+    r = surface.derivatives(uv)
+    slopes = np.stack((r[1, 0], r[0, 1]), axis=1)
+    return _solved(slopes @ slopes.swapaxes(1, 2), (slopes @ arms[..., None])[..., 0])
 
 
 def _solved(slopes: Array, right: Array) -> Array:

@@ -7,23 +7,26 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from ...common.arrays import Array, BoolArray, IntArray, tangential
 from ...common.errors import InvalidPlan, OutsideSurface, millimetres
 from ...common.warnings import Place, point_of
 from ...geometry.fit.surface_fit import SurfaceFit
 from ...geometry.surface.bspline import BSplineSurface
-from ...geometry.surface.footpoints import footpoints
 from ..lattice import HexLattice
 from ..sheet.offset import offset_surface
 from ..sheet.wrap import on_surface, root_of
-from .flat_map import FlatMap, flat_map, lengths_of
-from .ground import GAP_LIMIT, MAX_ANGLE, MAX_DISTANCE, MAX_GAP, Ground, Zone
-from .overlap import TOUCH, largest_apart, overlapping
+from .flat_map import FlatMap, flat_map, lengths_of, steps_along
+from .front import grown
+from .ground import MAX_ANGLE, MAX_DISTANCE, MAX_GAP, Ground, Zone
+from .overlap import TOUCH, largest_apart
 from .region import region_of
 from .search import MAX_PITCH_CHANGE, Poses, Search, axes_at
+from .wrapped_boards import WrappedBoards
 
-Choice = Literal["fill", "all"] | Sequence[tuple[int, int]]
+Cell = tuple[int, int] | tuple[int, int, float, float, float]  # q, r; and how far a board is beside [m, m, rad]
+Choice = Literal["fill", "all"] | Sequence[Cell]
 # [1] Distance of the nodes of the flat map, in pitches. Larger: less exact, faster.
 MAP_SPACING = 0.5
 # [1] Length by which the map of a tube continues over its cut, in pitches: a board and its corners.
@@ -37,54 +40,16 @@ MAX_CELLS = 50_000
 # [1] Layouts of lists that are kept: those of a link, one for each surface, are needed for its proposal, and again for
 # its calibration. Larger: more memory, also in the window, where each change of a surface adds one.
 LAYOUTS = 16
+# [1] Boards of a lattice that fit but would overlap others, of all that fit, from which on all boards grow on from one,
+# too. Larger: slower; smaller: fewer boards on surfaces like spheres.
+MAX_LOST = 0.1
+# [1] Nearest cells of which a board that grew on gets the first free coordinates. Derived: none are closer together.
+NEAR_CELLS = 200
+DECIMALS = 6  # of how far a board is beside its place [m], [rad]. Larger: longer plans
+# [m] Distance below which a board is at its place in the lattice: origins in plans are rounded. Larger: small overlaps.
+SAME_PLACE = 2e-6
 # [1] Most rounds of moves. More: fewer boards are left out, slower.
 MOVES = 30
-
-
-@dataclass(frozen=True, eq=False)
-class WrappedBoards:
-    """Boards placed on a surface; row i of every array is the board of ``cells[i]``."""
-
-    surface: BSplineSurface
-    offset: float  # height of the boards' middle planes above the surface [m]
-    lattice: HexLattice
-    cells: IntArray  # (n, 2) axial coordinates
-    uv: Array  # (n, 2) parameters of the centres, continuous over a seam
-    tangents: Array  # (n, 3) unit, along the rows of the lattice
-
-    def __getitem__(self, which: BoolArray | IntArray) -> "WrappedBoards":
-        return replace(self, cells=self.cells[which], uv=self.uv[which], tangents=self.tangents[which])
-
-    def overlaps(self) -> tuple[IntArray, Array, Array]:
-        """Return the pairs of boards that overlap (k, 2), how deep (k,) [m], and the axes between them (k, 3)."""
-        normals = self.surface.normals(self.uv)
-        positions = self.surface.points(self.uv) + self.offset * normals
-        return overlapping(positions, normals, self.tangents, self.lattice, abs(self.offset))
-
-    def corners(self) -> Array:
-        """Return the corners of the boards in the tangent planes at their centres, shape (n, 6, 3) [m]."""
-        axes = np.stack((self.tangents, np.cross(self.surface.normals(self.uv), self.tangents)), axis=1)
-        placed: Array = self.surface.points(self.uv)[:, None] + self.lattice.corners @ axes
-        return placed
-
-    def gaps(self) -> Array:
-        """Return the signed height of the worst corner of each board above the surface, shape (n,) [m]."""
-        corners = self.corners().reshape(-1, 3)
-        foot, _ = footpoints(self.surface, corners)
-        heights = ((corners - self.surface.points(foot)) * self.surface.normals(foot)).sum(axis=1)
-        heights = heights.reshape(-1, len(self.lattice.corners))
-        worst: Array = heights[np.arange(len(heights)), np.abs(heights).argmax(axis=1)]
-        return worst
-
-    def are_near(self) -> BoolArray:
-        """Return which boards need no warning because of their corners, shape (n,).
-
-        The corners of small boards that fit are nearer to the mesh than the limit; their heights are not computed.
-        """
-        if MAX_GAP * self.lattice.side <= GAP_LIMIT:
-            return np.ones(len(self.cells), bool)
-        near: BoolArray = np.abs(self.gaps()) <= GAP_LIMIT
-        return near
 
 
 def lay_boards(
@@ -142,29 +107,22 @@ def lay_boards(
     """
     start, along = (None if k is None else tuple(np.asarray(k, float).tolist()) for k in (origin, direction))
     # The search takes longer than its layout, and is not repeated.
-    layout_of = Layout.of if isinstance(choice, str) and choice == "fill" else _layout_of
+    layout_of = Layout.of if isinstance(choice, str) and choice == "fill" else kept_layout
     layout = layout_of(surface, lattice, start, along, offset, fit, tuple(excluded))
     if isinstance(choice, str):
         if choice == "fill":
             pose, boards = layout.most_boards([*layout.search.best(), *layout.given()])
         else:
             pose, boards = layout.at_start
-        boards = boards[layout.outline_is_covered(boards, pose)]
+        boards = boards[layout.outline_is_covered(boards)]
         if not len(boards.cells):
-            width, height = layout.search.size * 1e3
-            raise InvalidPlan(
-                f"no board with sides of {lattice.side * 1e3:g} mm fits completely in the region, which is {width:.1f} "
-                f"x {height:.1f} mm over all, with its centre within {MAX_DISTANCE * 1e3:g} mm and "
-                f"{np.rad2deg(MAX_ANGLE):.0f} degrees of the mesh, and its corners within "
-                f"{MAX_GAP * lattice.side * 1e3:g} mm; extend the surface, use smaller boards, or reduce "
-                "excluded zones"
-            )
+            raise layout.refusal
         near = boards.are_near()
         boards = boards[near] if near.any() else boards
         if choice == "fill":
             boards = _rooted(boards, layout.to_flat)
         return boards, np.zeros(len(boards.cells))
-    return layout.listed(np.array(choice, np.int64).reshape(-1, 2), *layout.at_start)
+    return layout.listed(*cells_of(choice), *layout.at_start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,21 +194,27 @@ class Layout:
         found = [(pose, self.complete(pose)) for pose in poses]
         return max(found, key=lambda pair: (int(pair[1].are_near().sum()), len(pair[1].cells)))
 
-    def placed(self, pose: Poses, cells: IntArray) -> tuple[WrappedBoards, Array]:
-        """Return boards at a pose, and the distances of their flat positions from the map (n,) [m]."""
-        uv, missed = self.to_flat.inverse(self.search.centres(pose, cells)[0])
-        tangents = tangential(self.to_flat.directions(uv, float(pose.angles[0])), self.surface.normals(uv))
-        return WrappedBoards(self.surface, self.offset, self.lattice, cells, uv, tangents), missed
+    def placed(self, pose: Poses, cells: IntArray, places: Array | None = None) -> tuple[WrappedBoards, Array]:
+        """Return boards at a pose, and the distances of their flat positions from the map (n,) [m].
+
+        Places (n, 3) have how far boards are beside their cells, along the rows and across [m], and rotated [rad].
+        """
+        places = np.zeros((len(cells), 3)) if places is None else places
+        angle = float(pose.angles[0])
+        uv, missed = self.to_flat.inverse(self.search.centres(pose, cells)[0] + places[:, :2] @ axes_at(angle))
+        tangents = tangential(self.to_flat.directions(uv, angle + places[:, 2]), self.surface.normals(uv))
+        beside = places.any(axis=1)
+        return WrappedBoards(self.surface, self.offset, self.lattice, cells, uv, tangents, beside), missed
 
     def complete(self, pose: Poses) -> WrappedBoards:
         """Return all boards that fit at a pose, without overlaps, by r, then q."""
         boards = self._on_map(pose)
-        boards = boards[self.fits(boards, pose)]
+        boards = boards[self.fits(boards)]
         pairs, depths, _ = boards.overlaps()
         boards = boards[largest_apart(len(boards.cells), pairs[depths > MAX_PITCH_CHANGE * self.lattice.pitch])]
         moved = self._moved_apart(boards)
         still = (moved.uv == boards.uv).all(axis=1)
-        still[~still] = self.fits(moved[~still], pose)
+        still[~still] = self.fits(moved[~still])
         boards = moved[still]
         boards = boards[largest_apart(len(boards.cells), boards.overlaps()[0])]
         return boards[np.lexsort(boards.cells.T)]
@@ -268,28 +232,36 @@ class Layout:
         over = self.lattice.pitch / lengths_of(self.surface)[1]
         return np.abs(uv[:, 1] - self.to_flat.start[1]) <= 0.5 + over
 
-    def fits(self, boards: WrappedBoards, pose: Poses) -> BoolArray:
+    def fits(self, boards: WrappedBoards) -> BoolArray:
         """Return which boards are on the ground completely."""
-        chosen = np.flatnonzero(self.clearances(boards, pose) >= -TOUCH * self.lattice.side)
+        chosen = np.flatnonzero(self._around_once(boards.uv))
+        for least, what in ((self.search.apothem, self._depths), (0.0, self.clearances)):
+            chosen = chosen[what(boards[chosen]) >= least - TOUCH * self.lattice.side]
         chosen = chosen[self.ground.carries(boards.uv[chosen])]
-        normals, corners = self.surface.normals(boards.uv[chosen]), boards[chosen].corners()
+        normals, corners = boards.normals[chosen], boards[chosen].corners()
         over = self.ground.is_over_mesh(corners.reshape(-1, 3), np.repeat(normals, corners.shape[1], axis=0))
         fits = np.zeros(len(boards.cells), bool)
         fits[chosen[over.reshape(len(chosen), corners.shape[1]).all(axis=1)]] = True
         return fits
 
-    def outline_is_covered(self, boards: WrappedBoards, pose: Poses) -> BoolArray:
+    def outline_is_covered(self, boards: WrappedBoards) -> BoolArray:
         """Return which boards do not protrude at a corner of the border, which is only known between two nodes."""
-        corners = self.lattice.corners @ axes_at(float(pose.angles[0]))
+        corners = self.lattice.corners
         parts = np.arange(OUTLINE_SAMPLES)[:, None, None] / OUTLINE_SAMPLES
         outline = (corners + parts * (np.roll(corners, -1, axis=0) - corners)).reshape(-1, 2)
-        points = self.to_flat(boards.uv)[:, None] + (1 - MAX_PROTRUSION) * outline
+        points = self.to_flat(boards.uv)[:, None] + (1 - MAX_PROTRUSION) * outline @ axes_at(self._angles(boards))
         uv, _ = self.to_flat.inverse(points.reshape(-1, 2))
         return self.ground.covers(uv).reshape(points.shape[:2]).all(axis=1)
 
-    def clearances(self, boards: WrappedBoards, pose: Poses) -> Array:
+    def clearances(self, boards: WrappedBoards) -> Array:
         """Return the clearances of boards from the border of the region, negative over it, shape (n,) [m]."""
-        return self.search.clearances(self.to_flat(boards.uv), float(pose.angles[0]))
+        return self.search.clearances(self.to_flat(boards.uv), self._angles(boards))
+
+    def _depths(self, boards: WrappedBoards) -> Array:
+        return self.search.region.depths(self.to_flat(boards.uv))
+
+    def _angles(self, boards: WrappedBoards) -> Array:
+        return self.to_flat.angles(boards.uv, boards.tangents)
 
     def _moved_apart(self, boards: WrappedBoards) -> WrappedBoards:
         """Return boards moved along the surface until none overlap, or as far as they may move."""
@@ -303,17 +275,89 @@ class Layout:
             arms = np.zeros((len(uv), 3))
             for column, sign in ((0, -0.5), (1, 0.5)):
                 np.add.at(arms, pairs[:, column], sign * (depths + TOUCH * self.lattice.side)[:, None] * axes)
-            r = self.surface.derivatives(uv)
-            slopes = np.stack((r[1, 0], r[0, 1]), axis=-1)
-            uv = uv + np.einsum("nac,nc->na", np.linalg.pinv(slopes), arms)
+            uv = uv + steps_along(self.surface, uv, arms)
             away = np.linalg.norm(self.surface.points(uv) - starts, axis=1)
             back = np.where(away > limit, limit / np.maximum(away, limit), 1.0)[:, None]
             uv = boards.uv + back * (uv - boards.uv)
         return replace(boards, uv=uv, tangents=tangential(boards.tangents, self.surface.normals(uv)))
 
-    def listed(self, cells: IntArray, pose: Poses, complete: WrappedBoards) -> tuple[WrappedBoards, Array]:
-        """Return the boards of an author, and their overhangs [m]; where all boards moved apart, these did, too."""
-        boards, missed = self.placed(pose, cells)
+    @property
+    def refusal(self) -> InvalidPlan:
+        """Return the error that no board fits."""
+        (width, height), side = self.search.size * 1e3, self.lattice.side * 1e3
+        return InvalidPlan(
+            f"no board with sides of {side:g} mm fits completely in the region, which is {width:.1f} x {height:.1f} mm "
+            f"over all, with its centre within {MAX_DISTANCE * 1e3:g} mm and {np.rad2deg(MAX_ANGLE):.0f} degrees of "
+            f"the mesh, and its corners within {MAX_GAP * side:g} mm; extend the surface, use smaller boards, or "
+            "reduce excluded zones"
+        )
+
+    def densest(self) -> WrappedBoards:
+        """Return as many boards as fit: those of a lattice, and those that grow on from them. Its root is one of them.
+
+        Where many boards of a lattice would overlap, because the surface is not like a plane, all grow on from one.
+        Raise InvalidPlan if no board fits.
+        """
+        pose, boards = self.most_boards([*self.search.best(), *self.given()])
+        boards = boards[self.outline_is_covered(boards)]
+        if not len(boards.cells):
+            raise self.refusal
+        ways = [boards]
+        if len(boards.cells) < (1 - MAX_LOST) * np.count_nonzero(self.fits(self._on_map(pose))):
+            ways.append(boards[_root_row(boards, self.to_flat)])
+        found = []
+        for way in ways:
+            more = grown(way, self.fits)
+            more = more[~more.beside | self.outline_is_covered(more)]
+            found.append(more[more.are_near()] if more.are_near().any() else more)
+        return _rooted(self._addressed(max(found, key=lambda boards: len(boards.cells)), pose), self.to_flat)
+
+    def _addressed(self, boards: WrappedBoards, pose: Poses) -> WrappedBoards:
+        """Return boards with the coordinates of the nearest cells without a board, for those beside their places."""
+        cells, free = boards.cells.copy(), self.search.cells
+        taken = {tuple(cell) for cell in cells[~boards.beside].tolist()}
+        centres = cKDTree(self.search.centres(pose, free)[0])
+        for row in np.flatnonzero(boards.beside):
+            near = centres.query(self.to_flat(boards.uv[[row]])[0], min(NEAR_CELLS, len(free)))[1]
+            cells[row] = next(cell for cell in free[near].tolist() if tuple(cell) not in taken)
+            taken.add(tuple(cells[row].tolist()))
+        return replace(boards, cells=cells)
+
+    def listing(self, boards: WrappedBoards) -> tuple[Cell, ...]:
+        """Return boards as a list that places them again from the start of this layout."""
+        pose, complete = self.at_start
+        uv = boards.uv.copy()
+        uv[:, 1] += np.where(self.surface.closed[1], np.rint(self.to_flat.start[1] - uv[:, 1]), 0.0)
+        known, _ = self._of_list(boards.cells, np.zeros((len(uv), 3)), pose, complete)
+        steps = self.to_flat(uv) - self.search.centres(pose, boards.cells)[0]
+        turns = self.to_flat.angles(uv, boards.tangents) - pose.angles[0]
+        turns = (turns + np.pi) % (2 * np.pi) - np.pi
+        places = np.column_stack((steps @ axes_at(pose.angles[0]).T, turns)).round(DECIMALS)
+        away = np.linalg.norm(boards.points - known.points, axis=1)
+        turned = np.linalg.norm(boards.tangents - known.tangents, axis=1) * self.lattice.side
+        is_same = away + turned <= SAME_PLACE
+        return tuple(
+            (q, r) if same else (q, r, *place)
+            for (q, r), same, place in zip(boards.cells.tolist(), is_same.tolist(), places.tolist())
+        )
+
+    def _of_list(
+        self, cells: IntArray, places: Array, pose: Poses, complete: WrappedBoards
+    ) -> tuple[WrappedBoards, Array]:
+        """Return the boards of a list, and how far they are off the map (n,) [m]; those that all moved are moved."""
+        boards, missed = self.placed(pose, cells, places)
+        known = {tuple(cell): i for i, cell in enumerate(complete.cells.tolist())}
+        uv, tangents = boards.uv.copy(), boards.tangents.copy()
+        for row, cell in enumerate(map(tuple, cells.tolist())):
+            if cell in known and not boards.beside[row]:
+                uv[row], tangents[row] = complete.uv[known[cell]], complete.tangents[known[cell]]
+        return replace(boards, uv=uv, tangents=tangents), missed
+
+    def listed(
+        self, cells: IntArray, places: Array, pose: Poses, complete: WrappedBoards
+    ) -> tuple[WrappedBoards, Array]:
+        """Return the boards of an author, and their overhangs [m]."""
+        boards, missed = self._of_list(cells, places, pose, complete)
         outside = np.flatnonzero(~on_surface(self.surface, boards.uv) | (missed > TOUCH * self.lattice.side))
         if len(outside):
             first = outside[0]
@@ -324,41 +368,49 @@ class Layout:
                 "leave it out, or move the origin",
                 cell=cells[first].tolist(),
                 distance=float(missed[first]),
-                place=Place(point_of(self.surface.points(boards.uv[[first]])[0])),
+                place=Place(point_of(boards.points[first])),
             )
-        known = {tuple(cell): i for i, cell in enumerate(complete.cells.tolist())}
-        for row, cell in enumerate(map(tuple, cells.tolist())):
-            if cell in known:
-                boards.uv[row], boards.tangents[row] = complete.uv[known[cell]], complete.tangents[known[cell]]
         pairs, depths, _ = boards.overlaps()
         if len(pairs) and depths.max() <= MAX_PITCH_CHANGE * self.lattice.pitch:
             boards = self._moved_apart(boards)
             pairs, depths, _ = boards.overlaps()
         if len(pairs):
             i, j = pairs[depths.argmax()]
-            place = self.surface.points(boards.uv[[i]])[0]
+            place = boards.points[i]
             raise InvalidPlan(
                 f"boards {cells[i].tolist()} and {cells[j].tolist()} overlap by {depths.max() * 1e3:.2f} mm at "
                 f"{millimetres(place)}, the worst of {len(pairs)} pairs; leave one of the two out, or move the origin",
                 place=Place(point_of(place)),
             )
-        overhangs = -self.clearances(boards, pose)
+        overhangs = -self.clearances(boards)
         return boards, np.where(overhangs > TOUCH * self.lattice.side, overhangs, 0.0)
 
 
+def cells_of(choice: Sequence[Cell]) -> tuple[IntArray, Array]:
+    """Return axial coordinates (n, 2) of a list of boards, and how far each is beside (n, 3) [m, m, rad]."""
+    rows = [(*cell, 0.0, 0.0, 0.0)[:5] for cell in choice]
+    cells, places = np.array([row[:2] for row in rows], np.int64), np.array([row[2:] for row in rows], float)
+    return cells.reshape(-1, 2), places.reshape(-1, 3)
+
+
 @lru_cache(maxsize=LAYOUTS)
-def _layout_of(*of: Any) -> Layout:
+def kept_layout(*of: Any) -> Layout:
     """Return the layout of :meth:`Layout.of`; the last ones are kept, because lists of boards follow each other."""
     return Layout.of(*of)
 
 
 def forget_layouts() -> None:
     """Free the layouts that are kept, with their surfaces and meshes."""
-    _layout_of.cache_clear()
+    kept_layout.cache_clear()
+
+
+def _root_row(boards: WrappedBoards, to_flat: FlatMap) -> slice:
+    """Return the row of the board in its place that is nearest to the flat origin."""
+    distances = np.where(boards.beside, np.inf, np.linalg.norm(to_flat(boards.uv), axis=1))
+    row = int(np.flatnonzero(distances <= distances.min() + TOUCH * boards.lattice.side)[0])
+    return slice(row, row + 1)
 
 
 def _rooted(boards: WrappedBoards, to_flat: FlatMap) -> WrappedBoards:
     """Return the same boards; the root is the one nearest to the flat origin."""
-    distances = np.linalg.norm(to_flat(boards.uv), axis=1)
-    root = boards.cells[np.flatnonzero(distances <= distances.min() + TOUCH * boards.lattice.side)[0]]
-    return replace(boards, cells=boards.cells - root)
+    return replace(boards, cells=boards.cells - boards.cells[_root_row(boards, to_flat)])

@@ -12,11 +12,13 @@ from ..lattice import HexLattice
 from .overlap import TOUCH
 from .region import Region
 
-# [1] Steps of the first shifts and rotations, and of the raster of depths, per pitch. More: misses fewer poses, slower.
+# [1] Steps of the first shifts, and of the raster of depths, per pitch. More: misses fewer poses, slower.
 STEPS_PER_PITCH = 12
+# [1] Steps of the first rotations, of the farthest board, per pitch. More: misses fewer poses, slower.
+TURNS_PER_PITCH = 6
 # [1] Groups of rotations of which the best pose is wanted. More: more boards, slower (3 with a beam of 16: 4 % fewer on
 # real links in half the time).
-GROUPS = 12
+GROUPS = 3
 # [1] Poses of a group that are refined together. More: misses fewer poses, slower.
 BEAM = 8
 # [1] Largest change of the pitch: around a tube, so that the rows close, and of a board that would overlap another.
@@ -96,13 +98,14 @@ class Search:
         centres = centres + (poses.stretches[:, None, None] - 1) * (centres @ ahead.T @ ahead)
         return centres + poses.offsets[:, None]
 
-    def clearances(self, centres: Array, angle: float) -> Array:
+    def clearances(self, centres: Array, angles: Array) -> Array:
         """Return the clearances of boards from the border, negative over it, shape (n,) [m]."""
-        corners = self.lattice.corners @ axes_at(angle)
-        found = [self.region.depths(centres) - self._apothem]
-        for fraction in DISC_POSITIONS:
-            found += [self.region.depths(centres + fraction * k) - (1 - fraction) * self._apothem for k in corners]
-        return np.min(found, axis=0)
+        corners = np.moveaxis(self.lattice.corners @ axes_at(angles), 1, 0)
+        fractions = np.repeat((0.0, *DISC_POSITIONS), (1, *len(DISC_POSITIONS) * [len(corners)]))
+        arms = fractions[:, None, None] * corners[np.append(0, np.tile(np.arange(len(corners)), len(DISC_POSITIONS)))]
+        depths = self.region.depths((centres + arms).reshape(-1, 2)).reshape(len(fractions), -1)
+        clear: Array = (depths - (1 - fractions[:, None]) * self.apothem).min(axis=0)
+        return clear
 
     def closed_rows(self) -> tuple[Array, Array]:
         r"""Return the angles [rad] at which rows close around a tube, and the stretches that close them.
@@ -117,7 +120,7 @@ class Search:
         q, r = (k.ravel() for k in np.indices(2 * (int(length / self.lattice.row_step) + 2,)))
         vectors = self.lattice.centres(np.column_stack((q, r))[q > 0])  # a sixth of all
         stretches = length / np.linalg.norm(vectors, axis=1)
-        radius, width = length / (2 * np.pi), min(2 * self._apothem, self.lattice.pitch)
+        radius, width = length / (2 * np.pi), min(2 * self.apothem, self.lattice.pitch)
         least = 2 * radius / width * np.arctan2(width / 2, max(radius - self.half, 0.0))
         near = (stretches >= least) & (stretches <= 1 + MAX_PITCH_CHANGE)
         angles = np.arctan2(*self.period[::-1]) - np.arctan2(*vectors[near].T[::-1])
@@ -130,15 +133,19 @@ class Search:
         """
         if not self.region.carries.any():
             return []
-        count = int(np.ceil(LATTICE_PERIOD * self._radius / self.lattice.pitch * STEPS_PER_PITCH / GROUPS))
+        count = int(np.ceil(LATTICE_PERIOD * self._radius / self.lattice.pitch * TURNS_PER_PITCH / GROUPS))
         turn = LATTICE_PERIOD / (GROUPS * count)
         angles = in_period(turn * np.arange(float(GROUPS * count))).reshape(GROUPS, count)
         free = [self._starts(group, np.full(count, self.stretch), turn) for group in angles]
+        along = in_period(LATTICE_PERIOD / 2 * np.arange(2.0))[
+            :, None
+        ]  # rows along and across the lines of the surface
+        aligned = [self._starts(angle, np.full(1, self.stretch), 0.0) for angle in along]
         closed = [
             self._starts(angle, stretch, 0.0) for angle, stretch in zip(*(k[:, None] for k in self.closed_rows()))
         ]
         found = []
-        for groups, step in ((free, turn), (closed, 0.0)):
+        for groups, step in ((free, turn), (aligned, 0.0), (closed, 0.0)):
             groups.sort(key=lambda group: -group[1][0])
             found += [self._refined(poses, step) for poses, _ in groups[:GROUPS]]
         return found
@@ -164,7 +171,7 @@ class Search:
         low, depths, of_centres = self._raster
         to_steps = np.linalg.inv(basis) * self._step
         # Only the box around the nodes that can carry a board, in steps of the lattice.
-        carrying = np.nonzero(of_centres > self._apothem - slack)
+        carrying = np.nonzero(of_centres > self.apothem - slack)
         ends = (np.array((k.min(initial=n) - 1.0, k.max(initial=0) + 1.0)) for k, n in zip(carrying, depths.shape))
         box = (low + pairs_of(*ends)) @ to_steps
         first = np.floor(box.min(axis=0) / STEPS_PER_PITCH) * STEPS_PER_PITCH
@@ -181,7 +188,7 @@ class Search:
         x *= depths.shape[1]
         at = np.add(x, y, out=x).astype(np.intp)
         around = depths.ravel().take(at)
-        clear = of_centres.ravel().take(at[wide : wide + shape[0], wide : wide + shape[1]]) - self._apothem
+        clear = of_centres.ravel().take(at[wide : wide + shape[0], wide : wide + shape[1]]) - self.apothem
         for i, j in corners + wide:
             np.minimum(clear, around[i : i + shape[0], j : j + shape[1]], out=clear)
         clear = clear.reshape(cells[0], STEPS_PER_PITCH, cells[1], STEPS_PER_PITCH)
@@ -225,14 +232,14 @@ class Search:
         _, depths, of_centres = self._raster
         pose, cell = np.nonzero(((first >= 0) & (first <= np.array(depths.shape) - 1)).all(axis=2))
         first = first[pose, cell]
-        near = of_centres[tuple((first + 0.5).astype(np.intp).T)] >= self._apothem - slack - self._step
+        near = of_centres[tuple((first + 0.5).astype(np.intp).T)] >= self.apothem - slack - self._step
         pose, first = pose[near], first[near]
-        clear = self._interpolated(first) - self._apothem
+        clear = self._interpolated(first) - self.apothem
         for fraction in DISC_POSITIONS:
             fits = clear > -slack
             pose, first, clear = pose[fits], first[fits], clear[fits]
             for k in range(corners.shape[1]):
-                there = self._interpolated(first + fraction * corners[pose, k]) - (1 - fraction) * self._apothem
+                there = self._interpolated(first + fraction * corners[pose, k]) - (1 - fraction) * self.apothem
                 np.minimum(clear, there, out=clear)
         pose, clear = pose[clear > -slack], clear[clear > -slack]
         count = np.asarray(np.bincount(pose, np.minimum(1 + clear / slack, 1), len(poses.angles)), float)
@@ -249,7 +256,8 @@ class Search:
         return count + 0.5 * tightest / self.lattice.pitch - PREFERENCE * size
 
     @property
-    def _apothem(self) -> float:
+    def apothem(self) -> float:
+        """Distance of the sides of a board from its centre [m]."""
         return float(np.sqrt(0.75)) * self.lattice.side
 
     @property

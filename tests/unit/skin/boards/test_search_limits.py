@@ -34,7 +34,7 @@ def test_border_may_protrude_into_a_board_by_6_percent_of_a_side(depth, is_cover
     where = layout([zone(depth * SIDE, LATTICE.corners[0], 0.004)])
     pose = Poses.at(0.0, 1.0)
     boards, _ = where.placed(pose, np.zeros((1, 2), int))
-    assert where.outline_is_covered(boards, pose).tolist() == [is_covered]
+    assert where.outline_is_covered(boards).tolist() == [is_covered]
 
 
 def test_depth_is_exact_to_a_twentieth_of_a_millimetre():

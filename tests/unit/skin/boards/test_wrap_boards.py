@@ -121,11 +121,11 @@ def test_board_at_a_point_continues_the_lattice():
     """Each board is found at its centre, and one that does not exist beyond the last one, also for turned rows."""
     taxels = placed(plane_surface(0.2, 0.2), origin=(0.1, 0.1, 0), direction=(1, 0.3, 0))
     for cell, point in zip(taxels.index.tolist(), taxels.positions_link):
-        assert board_at(taxels, TUM, point) == tuple(cell)
+        assert board_at(taxels, TUM, point) == (tuple(cell), True)
     e1 = np.array((1, 0.3, 0)) / np.hypot(1, 0.3)
     for cell in ((-5, 1), (1, 4), (-1, -3)):
         x, y = TUM.centres(np.array([cell]))[0]
-        assert board_at(taxels, TUM, np.array((0.1, 0.1, 0)) + x * e1 + y * np.cross((0, 0, 1), e1)) == cell
+        assert board_at(taxels, TUM, np.array((0.1, 0.1, 0)) + x * e1 + y * np.cross((0, 0, 1), e1)) == (cell, False)
 
 
 def test_frames_are_right_handed_and_corners_lie_on_the_tangent_plane():
