@@ -232,7 +232,12 @@ PINNED = {name: value for name, value in BAND.items() if name != "origin"} | {"l
 LEFT = BAND | {"rows": 12, "hand": "left", "offset": 0.0005, "trim": True}
 BOARDS = {"name": "boards", "kind": "hexagons", "side": 0.016, "gap": 0.001}
 CLEAR = [{"point": [0.04, 0.01, 0.06], "radius": 0.01}, {"point": [-0.03, 0.01, 0.04], "radius": 0.0045}]
-LISTED = {"cells": [[0, 0], [1, 0], [0, -1]], "origin": [0.04, 0.01, 0.06], "direction": [0, 1, 0.25], "offset": 0.001}
+LISTED = {
+    "cells": [[0, 0], [1, 0], [0, -1, 0.0004, -0.0015, 0.02]],
+    "origin": [0.04, 0.01, 0.06],
+    "direction": [0, 1, 0.25],
+    "offset": 0.001,
+}
 
 
 def oval(angle, height):

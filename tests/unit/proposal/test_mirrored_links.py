@@ -1,6 +1,7 @@
 """Links that are mirror images of each other get plans that are."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,11 +14,14 @@ from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh, weld
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan, plan_document, plan_from
+from skin_calib_addon.plan.plan import Plan
+from skin_calib_addon.plan.skins import BoardSkin
 from skin_calib_addon.proposal.links import Task, propose_task, robot_of
 from skin_calib_addon.proposal.moved_plan import moved_plan
 from skin_calib_addon.proposal.skins import parse_skin
 from skin_calib_addon.robot.mirrored import Twin
-from tests.shapes import box
+from skin_calib_addon.skin import HexLattice, lay_boards
+from tests.shapes import box, plane_surface
 from tests.unit.commands.test_cli import PLAN, planes
 
 MIRROR = np.array((1.0, -1.0, 1.0))
@@ -183,3 +187,18 @@ def test_plan_that_has_no_copy_is_refused(changes, words):
     plan = plan_from(PLAN | changes)
     with pytest.raises(InvalidPlan, match=words):
         moved_plan(plan, "right", Twin("left", np.diag((1.0, -1, 1, 1))))
+
+
+def test_mirrored_board_beside_its_place():
+    """On a plane: its position is the reflected one, and a row of it has the reflected direction."""
+    listed = ((0, 0), (1, 1, 0.002, -0.003, 0.15))
+    skin = BoardSkin("boards", HexLattice(0.008, 0.0), listed, (0.1, 0.0, 0.0), (1.0, 0.2, 0.0))
+    plan = Plan("right", Path("right.ply"), "m", (), (skin,))
+    (back,) = moved_plan(plan, "left", Twin("right", np.diag((*MIRROR, 1.0)))).skins
+    surface = plane_surface(0.2, 0.2)
+    one, other = (
+        lay_boards(surface, own.lattice, own.choice, np.add(own.origin, (0, 0.1, 0)), own.direction)[0]
+        for own in (skin, back)
+    )
+    np.testing.assert_allclose((one.points - (0, 0.1, 0)) * MIRROR, other.points - (0, 0.1, 0), atol=1e-6)
+    np.testing.assert_allclose(one.tangents[1] * MIRROR, other.tangents[1], atol=1e-5)

@@ -180,3 +180,17 @@ def test_hexagons_without_area_or_pitch_are_refused(side, gap):
     """A side of zero, or sides longer than the pitch, are refused."""
     with pytest.raises(InvalidPlan, match=r"hexagons with sides of .* have no area or no pitch. Increase the side"):
         HexLattice(side, gap)
+
+
+def test_listed_board_beside_its_place():
+    """Along the rows and to their left, and rotated, on a plane whose rows are rotated; the others stay."""
+    turn, origin = 0.3, np.array((0.1, 0.1, 0.0))
+    rows = np.array((np.cos(turn), np.sin(turn), 0.0))
+    listed = [(0, 0), (2, -1, 0.004, 0.003, 0.1)]
+    boards, _ = lay_boards(plane_surface(0.2, 0.2), TUM, listed, origin, rows)
+    first, second = boards.points
+    x, y = TUM.centres(np.array([(2, -1)]))[0] + (0.004, 0.003)
+    assert_allclose(first, origin, atol=1e-9)
+    assert_allclose(second, origin + x * rows + y * np.cross((0, 0, 1), rows), atol=1e-9)
+    assert_allclose(boards.tangents[1], (np.cos(turn + 0.1), np.sin(turn + 0.1), 0), atol=1e-9)
+    assert boards.beside.tolist() == [False, True]
