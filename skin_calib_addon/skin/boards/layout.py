@@ -298,7 +298,7 @@ class Layout:
         Where many boards of a lattice would overlap, because the surface is not like a plane, all grow on from one.
         Raise InvalidPlan if no board fits.
         """
-        pose, boards = self.most_boards([*self.search.best(), *self.given()])
+        pose, boards = self.most_boards([*self.search.some(), *self.given()])
         boards = boards[self.outline_is_covered(boards)]
         if not len(boards.cells):
             raise self.refusal

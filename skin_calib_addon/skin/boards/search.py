@@ -1,5 +1,6 @@
 """The search for the poses of a lattice with the most boards in a flat region."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,10 +16,12 @@ from .region import Region
 # [1] Steps of the first shifts, and of the raster of depths, per pitch. More: misses fewer poses, slower.
 STEPS_PER_PITCH = 12
 # [1] Steps of the first rotations, of the farthest board, per pitch. More: misses fewer poses, slower.
-TURNS_PER_PITCH = 6
+TURNS_PER_PITCH = 12
 # [1] Groups of rotations of which the best pose is wanted. More: more boards, slower (3 with a beam of 16: 4 % fewer on
 # real links in half the time).
-GROUPS = 3
+GROUPS = 12
+# [1] The same where boards grow on, which makes up for it. Larger: slower.
+FEW_TURNS, FEW_GROUPS = 6, 3
 # [1] Poses of a group that are refined together. More: misses fewer poses, slower.
 BEAM = 8
 # [1] Largest change of the pitch: around a tube, so that the rows close, and of a board that would overlap another.
@@ -131,23 +134,29 @@ class Search:
 
         On a doubly curved surface the number of boards in the plane is only an estimate, so that several are needed.
         """
+        return self._best_of(TURNS_PER_PITCH, GROUPS)
+
+    def some(self) -> list[Poses]:
+        """Return the best poses of few groups, and those with rows along and across the lines of the surface."""
+        along = in_period(LATTICE_PERIOD / 2 * np.arange(2.0))[:, None]
+        return self._best_of(FEW_TURNS, FEW_GROUPS, along)
+
+    def _best_of(self, turns: int, most: int, along: Iterable[Array] = ()) -> list[Poses]:
+        """Return the best poses of groups of rotations, and of arrays of rotations (1,) that are kept [rad]."""
         if not self.region.carries.any():
             return []
-        count = int(np.ceil(LATTICE_PERIOD * self._radius / self.lattice.pitch * TURNS_PER_PITCH / GROUPS))
-        turn = LATTICE_PERIOD / (GROUPS * count)
-        angles = in_period(turn * np.arange(float(GROUPS * count))).reshape(GROUPS, count)
+        count = int(np.ceil(LATTICE_PERIOD * self._radius / self.lattice.pitch * turns / most))
+        turn = LATTICE_PERIOD / (most * count)
+        angles = in_period(turn * np.arange(float(most * count))).reshape(most, count)
         free = [self._starts(group, np.full(count, self.stretch), turn) for group in angles]
-        along = in_period(LATTICE_PERIOD / 2 * np.arange(2.0))[
-            :, None
-        ]  # rows along and across the lines of the surface
-        aligned = [self._starts(angle, np.full(1, self.stretch), 0.0) for angle in along]
+        kept = [self._starts(angle, np.full(1, self.stretch), 0.0) for angle in along]
         closed = [
             self._starts(angle, stretch, 0.0) for angle, stretch in zip(*(k[:, None] for k in self.closed_rows()))
         ]
         found = []
-        for groups, step in ((free, turn), (aligned, 0.0), (closed, 0.0)):
+        for groups, step in ((free, turn), (kept, 0.0), (closed, 0.0)):
             groups.sort(key=lambda group: -group[1][0])
-            found += [self._refined(poses, step) for poses, _ in groups[:GROUPS]]
+            found += [self._refined(poses, step) for poses, _ in groups[:most]]
         return found
 
     def _starts(self, angles: Array, stretches: Array, turn: float) -> tuple[Poses, Array]:
