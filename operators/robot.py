@@ -189,7 +189,7 @@ class SKIN_OT_copy_to_mirror(Working, Operator):
         target = next((other for other in same if other.skin_calib.link == result.link), None)
         if target is None:
             raise InvalidPlan(f"{result.link}, the mirror image of {link.name}, is not in the scene. Import the robot.")
-        plan = numbered(without_channels(result), robots.next_channel(target, context.scene))
+        plan = numbered(own_skins(result, link.skin_calib.link), robots.next_channel(target, context.scene))
         plan = replace(plan, mesh=Path(target.skin_calib.mesh_file), extra={})
         plans.check_numbers(plan, metres_per_unit(context.scene))
         plans.write_plan(target, context.scene, plan)
@@ -204,12 +204,12 @@ class SKIN_OT_copy_to_mirror(Working, Operator):
             updates.refuse(link, refusal_of(error))
 
 
-def without_channels(plan):
-    """Return a plan without the channels that its skins and single taxels state."""
-    skins = (
-        replace(skin, first_channel=None, taxels=tuple(single._replace(channel=None) for single in skin.taxels))
-        for skin in plan.skins
-    )
+def own_skins(plan, source):
+    """Return a plan whose skins have neither channels nor the name of the link from which it was copied."""
+    skins = []
+    for skin in plan.skins:
+        name, taxels = skin.name.replace(source, plan.link), (single._replace(channel=None) for single in skin.taxels)
+        skins.append(replace(skin, name=name, first_channel=None, taxels=tuple(taxels)))
     return replace(plan, skins=tuple(skins))
 
 

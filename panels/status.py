@@ -51,6 +51,8 @@ def state_of(link):
 
 def covered(result):
     """Return, after the number of taxels, how much of the visible area they cover; empty if it is not known."""
+    if any(warning.code in ("overlap", "skins-overlap") for warning in result.warnings):
+        return ", which overlap"
     if not result.seen:
         return ""
     return f" on {result.cells * 1e4:.0f} of {result.seen * 1e4:.0f} cm² ({result.cells / result.seen:.0%})"

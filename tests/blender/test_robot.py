@@ -381,11 +381,13 @@ def test_plan_is_copied_to_the_mirror_link(bpy, addon, arms):
     bpy.context.view_layer.objects.active = left
     bpy.ops.skin_calib.skin_add(kind="hexagons")
     across(left.skin_calib)
+    left.skin_calib.skins[0].name = "left_palm"
     assert bpy.ops.skin_calib.fit() == {"FINISHED"}
     bpy.ops.ed.undo_push(message="start")
     assert bpy.ops.skin_calib.copy_to_mirror("EXEC_DEFAULT", True) == {"FINISHED"}
     plans = [addon.plans.read_plan(link, bpy.context.scene) for link in arms]
     assert plans[1].skins[0].choice == ((0, 0), (-1, 0), (-1, 1), (0, 1)) and plans[1].skins[0].first_channel == 4
+    assert plans[1].skins[0].name == "right_palm"
     one, other = (
         addon.results.find(link.skin_calib.result.key).calibration.patches[0].taxels.positions_link for link in arms
     )

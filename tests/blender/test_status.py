@@ -64,6 +64,11 @@ def test_refused_fit_leaves_its_reason_until_a_change(bpy, link, updates):
     assert draw(bpy, "status")[0] == "Not fitted: press Propose or Fit"
     bpy.ops.skin_calib.fit()
     assert re.match(r"Mean 0\.\d{4} mm, 6 taxels on 5 of \d{3} cm² \(\d%\)", " ".join(draw(bpy, "status")))
+    bpy.ops.skin_calib.skin_add(kind="sheet")
+    skin = link.skin_calib.skins[1]
+    skin.rows, skin.columns, skin.pitch = 2, 3, (0.0085, 0.01)
+    bpy.ops.skin_calib.fit()  # their areas are no sum
+    assert re.match(r"Mean 0\.\d{4} mm, 12 taxels, which overlap", " ".join(draw(bpy, "status")))
 
 
 @pytest.mark.parametrize("change", [slow("mesh"), "plan"])

@@ -7,7 +7,7 @@ import bpy
 from buttons import find, press
 from sample import hover_view, is_in_full, undo
 
-LINK = "left_knee_link"
+LINK, MIRROR = "left_knee_link", "right_knee_link"
 ROW = 20  # pixels from one row of the list to the next, at a scale of one
 
 
@@ -19,6 +19,7 @@ def drive(gui):
     yield from imports_the_robot(gui, gui.args[0])
     yield from selects_a_row(gui)
     yield from proposes_one(gui)
+    yield from copies_to_the_mirror_link(gui)
     yield from stops_all(gui)
 
 
@@ -86,6 +87,20 @@ def proposes_one(gui):
     yield from gui.redraw(3)
     yield from gui.shot("robot_fitted.png", area=None)
     assert active().skin_calib.result.taxels == active().skin_calib.proposed
+
+
+def copies_to_the_mirror_link(gui):
+    """The button gives the right link the same boards, and fits them; undo and redo take both."""
+    yield from press(gui, "skin_calib.copy_to_mirror")
+    yield from gui.wait(lambda: not running() and links()[MIRROR].skin_calib.result.key, 120, "the copy")
+    yield from gui.redraw(3)
+    yield from gui.shot("robot_copied.png", area=None)
+    plan, source = links()[MIRROR].skin_calib, active().skin_calib
+    assert active().name == LINK and plan.result.taxels == source.result.taxels > 100
+    yield from undo(gui)
+    assert not links()[MIRROR].skin_calib.skins and active().skin_calib.result.key
+    yield from find(gui, "skin_calib.export_calibration")
+    yield from gui.shot("robot_export.png", area=None)
 
 
 def stops_all(gui):
