@@ -22,6 +22,7 @@ from ..skin_calib_addon.proposal.moved_plan import moved_plan
 from ..skin_calib_addon.robot.kinematics import link_poses
 from ..skin_calib_addon.robot.link_mesh import axis_warning, load_urdf_meshes
 from ..skin_calib_addon.robot.urdf import read_robot
+from ..skin_calib_addon.robot.zones import load_zones
 from .base import Operator, busy, no_link
 from .exchange import write_plan
 from .files import Import
@@ -29,9 +30,9 @@ from .fit import fit_of, store_fit
 from .working import Working
 
 
-def add_robot(operator, context, path, robot, poses, meshes, problems):
+def add_robot(operator, context, path, robot, poses, meshes, problems, zones):
     """Add all links, show them, and report those whose meshes cannot be read."""
-    links = robots.add_robot(context, path, robot, poses, meshes, problems)
+    links = robots.add_robot(context, path, robot, poses, meshes, problems, zones)
     hidden = showing.present(context, [*links, *(link.parent for link in links)])
     size = f"{robot.name or path.stem}: {counted(len(links), 'link')} with a mesh"
     operator.report({"INFO"}, f"{size}. {hidden}" if hidden else size)
@@ -58,7 +59,7 @@ class SKIN_OT_import_robot(Import, Operator):
             if not meshes:
                 why = "; ".join(f"{link}: {problem}" for link, problem in problems.items())
                 raise InvalidMesh(why or f"No link of {path.name} has a mesh. Boxes and cylinders cannot carry skin.")
-            return path, robot, poses, meshes, problems
+            return path, robot, poses, meshes, problems, load_zones(path)
 
         return read
 
@@ -101,7 +102,15 @@ class Propose(Working):
     def chosen(self, context):
         self.choice = replace(chosen_skin(context.scene), is_wanted=self.is_wanted)
         robot_of.cache_clear()  # its files can have changed
-        return super().chosen(context)
+        links = self.links(context)
+        of_robots = {link.skin_calib.urdf: link for link in links}.values()
+        if any(robots.unsaved_zones(link, context.scene) is not None for link in of_robots):
+            raise InvalidPlan("The zones of the scene are not those of the file of the robot. Press Save Zones first.")
+        return links
+
+    def links(self, context):
+        """Return the links that get a plan."""
+        return [context.object]
 
     def task(self, context, link):
         facets, settings = updates.facets_of(link), link.skin_calib
@@ -220,8 +229,7 @@ class SKIN_OT_propose_all(Propose, Operator):
     is_wanted = False
     blocked_by = (no_links, busy)
 
-    def chosen(self, context):
-        super().chosen(context)
+    def links(self, context):
         links = [link for link in robots.links(context) if not link.skin_calib.skins]
         if not links:
             raise InvalidPlan("All links have a plan. Use Propose to replace that of the active link.")

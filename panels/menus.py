@@ -55,7 +55,7 @@ SKIN_MT_inspect = menu(
     "show_warning show_worst taxel taxel_toggle taxel_channel | taxel_mesh save_picture | compare compare_end touches "
     "touches_move touches_end | replay_open replay_play replay_close",
 )
-SKIN_MT_robot = menu("Robot", "propose_all fit_all copy_to_mirror export_robot")
+SKIN_MT_robot = menu("Robot", "propose_all fit_all copy_to_mirror | keep_free zones_save | export_robot")
 SKIN_MT_export = menu("Export", "export_calibration export_plan export_taxels")
 
 

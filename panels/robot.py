@@ -92,6 +92,9 @@ class RobotStep(Step):
         button(row, "propose_all", icon="NONE")
         button(row, "fit_all", icon="NONE")
         button(layout, "copy_to_mirror")
+        row = buttons(layout)
+        button(row, "keep_free")
+        button(row, "zones_save")
         button(layout, "export_robot")
 
 

@@ -3,7 +3,9 @@
 They are in ``NAME.zones.json`` next to the URDF or mesh of this name.
 """
 
+import json
 import os.path
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..common.arrays import Array, BoolArray
+from ..common.atomic_file import write_bytes_safely
 from ..common.errors import InvalidPlan, UnknownLink
 from ..common.findings import did_you_mean, show
 from ..common.schema_check import check
@@ -73,12 +76,23 @@ def load_zones(file: Path, link: str = "") -> tuple[LinkZone, ...]:
     path = zones_file(file)
     if not os.path.isfile(path):
         return ()
-    links = tuple(read_robot(file).links) if is_urdf(file) else (file.stem,)
     document, findings = parse(read(path))
     for finding in findings or check(document, DOCUMENT):
         raise InvalidPlan(f"{path.name}: {finding}")
-    zones = (_zone(path.name, k, zone, links) for k, zone in enumerate(document["zones"]))
-    return tuple(zone for zone in zones if link in ("", zone.link))
+    return tuple(zone for zone in _zones(file, document) if link in ("", zone.link))
+
+
+def save_zones(file: Path, zones: Iterable[LinkZone]) -> None:
+    """Write all zones of a URDF or mesh in one step; raise what `load_zones` raises, and then write nothing."""
+    own = [{"link": z.link, "name": z.name, "kind": z.kind, **z.numbers} for z in zones]
+    document = {"format": "skin-zones", "version": 1, "zones": own}
+    _zones(file, document)
+    write_bytes_safely(zones_file(file), (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
+
+
+def _zones(file: Path, document: dict[str, Any]) -> tuple[LinkZone, ...]:
+    links = tuple(read_robot(file).links) if is_urdf(file) else (file.stem,)
+    return tuple(_zone(zones_file(file).name, k, zone, links) for k, zone in enumerate(document["zones"]))
 
 
 def _zone(name: str, number: int, zone: dict[str, Any], links: tuple[str, ...]) -> LinkZone:

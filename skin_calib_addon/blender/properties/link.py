@@ -188,6 +188,8 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
 
     mesh_file: text(name="Mesh File", description="Name of the mesh file in exported plans")
     urdf: StringProperty(name="URDF", description="The robot of this link", **FILE)
+    zone_of: text(name="Zone Of", description="The link that has no skin inside this empty; empty: it is no zone")
+    zones_shown: flag(description="Whether the scene has the zones of the robot of this link")
     imported_box: vector(
         name="Imported Box",
         description="Least and largest coordinates of the mesh in the link frame when it was imported, in metres; "

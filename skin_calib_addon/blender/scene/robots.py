@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """All links of a robot in a scene: their objects, their frames, and their states."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import bpy
@@ -14,11 +14,13 @@ from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline import Calibrated
 from ...plan.skins import following_channel
 from ...robot.urdf import Robot
+from ...robot.zones import LinkZone, load_zones
 from . import link_meshes, results, showing
 from .fields import kept_path
 from .link_objects import activate, add_link, new_frame, why_not
 from .skins import read_skin
 from .units import metres_per_unit
+from .zones import are_same, read_zones, show_zones
 
 
 def add_robot(
@@ -28,8 +30,12 @@ def add_robot(
     poses: Mapping[str, Array],
     meshes: Mapping[str, TriangleMesh],
     problems: Mapping[str, str],
+    zones: Iterable[LinkZone] = (),
 ) -> list[bpy.types.Object]:
-    """Add a robot: for each link an empty that is its frame, and the mesh below it. Return the links with a mesh."""
+    """Add a robot: for each link an empty that is its frame, the mesh below it, and its zones without skin.
+
+    Return the links with a mesh.
+    """
     group = bpy.data.collections.new(robot.name or urdf.stem)
     context.scene.collection.children.link(group)
     metre, file = metres_per_unit(context.scene), kept_path(str(urdf.absolute()))
@@ -46,8 +52,18 @@ def add_robot(
         if link in meshes:
             links.append(add_link(context, meshes[link], "m", link, frame))
             settings = links[-1].skin_calib
-            settings.link, settings.mesh_file, settings.urdf = link, urdf.name, file
+            settings.link, settings.mesh_file, settings.urdf, settings.zones_shown = link, urdf.name, file, True
+    show_zones(context.scene, file, frames, zones)
     return links
+
+
+def unsaved_zones(link: bpy.types.Object, scene: bpy.types.Scene) -> tuple[LinkZone, ...] | None:
+    """Return the zones of the robot of a link in a scene that shows them, if its file has others; else None."""
+    urdf = urdf_of(link)
+    if urdf is None or not link.skin_calib.zones_shown:
+        return None
+    zones = read_zones(scene, link.skin_calib.urdf)
+    return None if are_same(zones, load_zones(urdf)) else zones
 
 
 def _in_units(pose: Array, metre: float) -> Matrix:

@@ -1,6 +1,7 @@
 """Zones of a robot: what they contain, what a file may not have, and that proposals leave them free."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from skin_calib_addon.common.errors import SkinCalibError
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan
-from skin_calib_addon.robot.zones import load_zones
+from skin_calib_addon.robot.zones import load_zones, save_zones
 from tests.shapes import box
 
 VENT = {"link": "plate", "name": "vent", "kind": "box", "low": [-0.02, -1, -1], "high": [0.02, 1, 1]}
@@ -39,6 +40,19 @@ def test_zones_contain_what_they_describe(plate):
     assert vent.contains(points).tolist() == [True, *[False] * 5]
     assert screw.contains(points).tolist() == [False, False, True, False, False, False]
     assert end.contains(points).tolist() == [False] * 4 + [True, False]
+
+
+def test_saved_zones_are_those_that_are_read(plate):
+    """A wrong one leaves the file as it is."""
+    write(plate, VENT, SCREW, END)
+    zones, path = load_zones(plate), plate.with_name("plate.zones.json")
+    path.unlink()
+    save_zones(plate, zones)
+    assert load_zones(plate) == zones
+    before = path.read_bytes()
+    with pytest.raises(SkinCalibError, match="/zones/1.*low corner"):
+        save_zones(plate, [zones[1], replace(zones[0], numbers={"low": [0, 0, 0], "high": [0, 0, 0]})])
+    assert path.read_bytes() == before
 
 
 def test_no_board_is_in_a_zone_and_a_change_is_named(plate, capsys):
