@@ -43,7 +43,7 @@ RARE = (
 
 
 # [1] skins up to which each one has a box, and rows of the list of more of them. Larger: Export moves down.
-MAX_BOXES, MAX_ROWS = 3, 5
+MAX_BOXES, MAX_ROWS = 3, 3
 
 
 class SKIN_UL_skins(bpy.types.UIList):

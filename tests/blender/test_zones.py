@@ -67,7 +67,12 @@ def test_zone_is_added_saved_undone(bpy, robot, zones_file, capfd):
         bpy.ops.skin_calib.propose()
     assert bpy.ops.skin_calib.zones_save() == {"FINISHED"}
     found = zones(zones_file)
-    assert len(found) == 4 and found["lower_zone"]["kind"] == "sphere" and found["lower_zone"]["radius"] == 0.015
+    assert (
+        len(found) == 4
+        and found["screw"]["center"] == [0.02, 0.01, 0.1]
+        and found["lower_zone"]["kind"] == "sphere"
+        and found["lower_zone"]["radius"] == 0.015
+    )
     start = np.array(bpy.data.objects["lower_frame"].matrix_world.inverted() @ bpy.context.scene.cursor.location)
     np.testing.assert_allclose(found["lower_zone"]["center"], start * metre, atol=2e-6)
     bpy.ops.ed.undo()

@@ -20,6 +20,7 @@ def drive(gui):
     yield from selects_a_row(gui)
     yield from proposes_one(gui)
     yield from copies_to_the_mirror_link(gui)
+    yield from keeps_a_place_free(gui)
     yield from stops_all(gui)
 
 
@@ -101,6 +102,22 @@ def copies_to_the_mirror_link(gui):
     assert not links()[MIRROR].skin_calib.skins and active().skin_calib.result.key
     yield from find(gui, "skin_calib.export_calibration")
     yield from gui.shot("robot_export.png", area=None)
+
+
+def keeps_a_place_free(gui):
+    """The button adds a sphere at the 3D cursor; Propose waits until its file has it; undo takes it away."""
+    link = active()
+    bpy.context.scene.cursor.location = link.matrix_world @ link.data.vertices[0].co
+    yield from press(gui, "skin_calib.keep_free")
+    zone = bpy.data.objects[f"{LINK}_zone"]
+    assert zone.parent == link.parent and active() == link
+    yield from press(gui, "skin_calib.propose")
+    yield from gui.redraw(3)
+    yield from gui.shot("robot_zone.png", area=None)
+    assert not running()
+    yield from gui.key("ESC")  # of the pop-up with the reason
+    yield from undo(gui)
+    assert f"{LINK}_zone" not in bpy.data.objects and active().name == LINK
 
 
 def stops_all(gui):

@@ -38,7 +38,7 @@ def show_zones(scene: bpy.types.Scene, urdf: str, frames: Mapping[str, bpy.types
             thing.empty_display_size = ARROW_LENGTH / metre
             turn = Vector(numbers["normal"]).to_track_quat("Z", "Y").to_matrix().to_4x4()
             thing.matrix_basis = Matrix.Translation(numbers["point"] / metre) @ turn
-        thing.parent = frames[zone.link]
+        thing.show_in_front, thing.parent = True, frames[zone.link]
         frames[zone.link].users_collection[0].objects.link(thing)
 
 
@@ -73,7 +73,8 @@ def _zone(thing: bpy.types.Object, metre: float) -> LinkZone:
 
 
 def _rounded(vector: Array) -> list[float]:
-    return (np.round(vector, DECIMALS) + 0.0).tolist()
+    rounded: list[float] = (np.round(np.asarray(vector, float), DECIMALS) + 0.0).tolist()  # of single precision
+    return rounded
 
 
 def are_same(zones: Iterable[LinkZone], others: Iterable[LinkZone]) -> bool:
