@@ -23,7 +23,7 @@ from ..robot.mirrored import Twin, find_twins
 from ..robot.urdf import Robot, read_robot
 from ..skin.boards.layout import forget_layouts
 from .one_skin import LinkSurfaces
-from .origin import PROPOSAL_FROM, changes, made_from
+from .origin import PROPOSAL_FROM, changes, made_from, mirror_of
 from .proposal import Proposal, joint_axes, link_surfaces, propose_link, propose_twin
 from .skins import SkinChoice
 
@@ -88,7 +88,7 @@ def propose_task(
         proposal = _proposal(task, begin)
         use(proposal)
         fitted = _fitted(task, proposal) if task.fit else None
-        return Outcome(task, replace(proposal, fits={}, twins={}), fitted=fitted)  # fits are large
+        return Outcome(task, replace(proposal, fits={}, mirror=""), fitted=fitted)  # fits are large
     except SkinCalibError as problem:
         return Outcome(task, None, str(problem))
     except MemoryError:
@@ -109,7 +109,8 @@ def _proposal(task: Task, begin: Callable[[str], None]) -> Proposal:
         found = propose_link(task.link, mesh, task.file.absolute(), task.unit, task.choice, begin=begin)
     if found.plan is None:
         return found
-    record = {PROPOSAL_MESH: mesh.sha256, PROPOSAL_FROM: made_from(task.file, task.link, task.choice)}
+    mirror = found.mirror.link if isinstance(found.mirror, Proposal) else ""
+    record = {PROPOSAL_MESH: mesh.sha256, PROPOSAL_FROM: made_from(task.file, task.link, task.choice, mirror)}
     return replace(found, plan=replace(found.plan, extra=found.plan.extra | record))
 
 
@@ -122,11 +123,11 @@ def _of_robot(task: Task, begin: Callable[[str], None]) -> Proposal:
     words: tuple[str, ...] = ()
     if twin is not None:
         former = own_proposal(replace(task, link=twin.link, mesh=None), begin)
-        found = former.twins.get(task.link, "")
-        if isinstance(found, Proposal) and task.mesh is not None:
-            found = propose_twin(former, twin, task.link, task.mesh, file, task.choice, robot.keep_out, begin)
+        found = former.mirror if twin.is_mirrored else ""
+        if former.plan and (isinstance(found, Proposal) and task.mesh is not None or not twin.is_mirrored):
+            found = propose_twin(former, twin, task.link, _mesh_of(task), file, task.choice, robot.keep_out, begin)
         if isinstance(found, Proposal):
-            return found.with_warnings(unsure)
+            return replace(found, mirror=former if twin.is_mirrored else "").with_warnings(unsure)
         words = (f"The link is {twin.words} {twin.link}, but has its own layout: {found}.",) if found else ()
     return own_proposal(task, begin).with_reasons(words).with_warnings(unsure)
 
@@ -268,7 +269,7 @@ def plan_warnings(path: Path) -> list[str]:
         if PROPOSAL_MESH in plan.extra and not plan.is_for(load_plan_mesh(plan)):
             found.append(f"{OUTDATED_PROPOSAL.message} {OUTDATED_PROPOSAL.advice}")
         if PROPOSAL_FROM in plan.extra:
-            now = made_from(plan.mesh, plan.link, None)
+            now = made_from(plan.mesh, plan.link, None, mirror_of(plan))
             found += (f"{sentence} {OUTDATED_PROPOSAL.advice}" for sentence in changes(plan, now))
         return found
     except SkinCalibError:
@@ -279,7 +280,7 @@ def is_current(path: Path, task: Task) -> bool:
     """Return whether the plan in a file was proposed for a task, and nothing that it was made from has changed."""
     try:
         plan = load_plan(path)
-        is_same = plan.extra.get(PROPOSAL_FROM) == made_from(task.file, task.link, task.choice)
+        is_same = plan.extra.get(PROPOSAL_FROM) == made_from(task.file, task.link, task.choice, mirror_of(plan))
         return is_same and plan.is_for(load_plan_mesh(plan))
     except SkinCalibError:
         return False
@@ -293,8 +294,10 @@ def own_proposal(task: Task, begin: Callable[[str], None]) -> Proposal:
         return whole.proposals[key]
     mesh = _mesh_of(task)
     axes = tuple(joint_axes(whole.robot, task.link))
-    twins = {link: twin for link, twin in whole.twins.items() if twin.link == task.link and link not in whole.unread}
+    mirrors = ((link, twin) for link, twin in whole.twins.items() if twin.link == task.link and twin.is_mirrored)
     file = task.file.absolute()
-    found = propose_link(task.link, mesh, file, "m", task.choice, axes, whole.keep_out, begin, twins)
-    whole.proposals[key] = replace(found, fits={})
+    found = propose_link(task.link, mesh, file, "m", task.choice, axes, whole.keep_out, begin, next(mirrors, None))
+    for other, proposal in whole.proposals.items():
+        whole.proposals[other] = proposal.without_fits()
+    whole.proposals[key] = replace(found, fits={})  # that of its mirror image is often next
     return found

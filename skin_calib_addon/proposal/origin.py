@@ -19,21 +19,25 @@ PROPOSAL_FROM = "x_proposal_from"  # Format: member of a proposed plan
 DIGITS = 16  # of a checksum. Larger: longer plans.
 
 
-def made_from(file: Path, link: str, choice: SkinChoice | None) -> dict[str, Any]:
+def made_from(file: Path, link: str, choice: SkinChoice | None, mirror: str = "") -> dict[str, Any]:
     """Return what a proposal depends on: checksums of joints, and of the meshes of links, by name; zones, and the skin.
 
-    They are those of a link of a robot, and of the links that cover it somewhere in the ranges of the joints. The plan
-    also has the hash of its own mesh.
+    They are those of a link of a robot, and of the links that cover it somewhere in the ranges of the joints, and the
+    same for the mirror image that has its layout. The plan also has the hash of its own mesh.
     """
-    skin = {} if choice is None else {"skin": choice.text, "skin_checksum": _checksum(repr(choice.template))}
-    zones = load_zones(file, link)
+    both = (link, mirror) if mirror else (link,)
+    skin: dict[str, Any] = {}
+    if choice is not None:
+        skin = {"skin": choice.text, "skin_checksum": _checksum(repr(choice.template))}
+    zones = tuple(zone for name in both for zone in load_zones(file, name))
     skin |= {"zones": _checksum(repr(zones))} if zones else {}
     if not is_urdf(file):
         return {**skin, "joints": {}, "links": {}}
     robot = read_robot(file)
-    paths = list(paths_from(robot, link))
+    skin |= {"mirror": mirror} if mirror else {}
+    paths = [path for name in both if name in robot.links for path in paths_from(robot, name)]
     joints = sorted({joint for _, path in paths for joint, _ in path}, key=lambda joint: joint.name)
-    links = sorted({link, *(other for other, _ in paths)})
+    links = sorted({*both, *(other for other, _ in paths)})
     return {
         **skin,
         "joints": {joint.name: _checksum(repr(joint)) for joint in joints},
@@ -52,6 +56,13 @@ def _shapes(robot: Robot, link: str, file: Path) -> str:
 
 def _checksum(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
+
+
+def mirror_of(plan: Plan) -> str:
+    """Return the link that has the mirrored layout, as a plan says itself; empty without one."""
+    former = plan.extra.get(PROPOSAL_FROM)
+    name = former.get("mirror") if isinstance(former, dict) else None
+    return name if isinstance(name, str) else ""
 
 
 def changes(plan: Plan, now: Mapping[str, Any]) -> Iterator[str]:

@@ -4,14 +4,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
 from ..calibration.exchange.xml_text import rotations
 from ..calibration.model import TaxelArray
 from ..common.arrays import Array, BoolArray
-from ..common.errors import SkinCalibError, counted, listed, millimetres
+from ..common.errors import SkinCalibError, counted, millimetres
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.grid.axis import Axis
 from ..geometry.mesh.cover import cut_cover, seen_faces
@@ -57,13 +56,17 @@ class Proposal:
     fits: Mapping[str, SurfaceFit] = field(default_factory=dict, repr=False)  # of its surfaces, by their names
     warnings: tuple[str, ...] = ()  # what can be wrong with it; also among the reasons of the plan
     bare: str = ""  # the largest piece of the free area without skin, if it is large: place and reason; also a reason
-    # Links that are like it: their proposals with the same layout, or why they have another one.
-    twins: Mapping[str, "Proposal | str"] = field(default_factory=dict, repr=False)
+    mirror: "Proposal | str" = field(default="", repr=False)  # of its mirror image, or why that has another layout
 
     @property
     def channels(self) -> int:
         """Return the number of channels; a trimmed sheet has channels without taxels."""
         return 0 if self.plan is None else sum(skin.count or 0 for skin in self.plan.skins)
+
+    def without_fits(self) -> "Proposal":
+        """Return the proposal without what is large."""
+        mirror = self.mirror if isinstance(self.mirror, str) else replace(self.mirror, fits={})
+        return replace(self, fits={}, mirror=mirror)
 
     def with_warnings(self, warnings: tuple[str, ...]) -> "Proposal":
         """Return the proposal with warnings, which its plan states first; one without a plan as it is."""
@@ -86,11 +89,11 @@ def propose_link(
     axes: tuple[tuple[Axis, str], ...] = (),
     keep_out: KeepOut | None = None,
     begin: Callable[[str], None] = lambda stage: None,
-    twins: Mapping[str, Twin] = MappingProxyType({}),
+    mirror: tuple[str, Twin] | None = None,
 ) -> Proposal:
-    """Propose surfaces and skins for one link, and the same layout for links of the robot that are like it.
+    """Propose surfaces and skins for one link, and the same layout for its mirror image, if it has one.
 
-    All of them keep only what fits on all, as long as nearly all does.
+    Both keep only what fits on both, as long as that is nearly all.
     """
     target = _Target.of(link, mesh, file, unit, keep_out, begin)
     if target.free <= choice.least_area:
@@ -102,23 +105,17 @@ def propose_link(
     proposal = target.proposal(
         found, lambda proposed: skin_on(choice, proposed.fit, proposed.surface.name), choice, begin
     )
-    if proposal.plan is None or keep_out is None:
+    if proposal.plan is None or keep_out is None or mirror is None:
         return proposal
-    first, alike = proposal, dict[str, Proposal | str]()
-    for other, twin in [*twins.items(), *twins.items()]:  # again, where a later one has less
-        there = alike.get(other)
-        if there is None or isinstance(there, Proposal) and there.taxels > proposal.taxels:
-            there = propose_twin(proposal, twin, other, keep_out.meshes[other], file, choice, keep_out, begin)
-        if isinstance(there, Proposal) and there.taxels < proposal.taxels:
-            proposal = target.reduced(found, proposal, there, twin.inverse(link), choice, begin)
-        alike[other] = there
-    words = ""
-    if same := [other for other, there in alike.items() if isinstance(there, Proposal)]:
-        lost = first.taxels - proposal.taxels
-        words = f"{listed(same)} {'has' if len(same) == 1 else 'have'} the same layout" + (
-            f", for which {counted(lost, 'taxel')} {'is' if lost == 1 else 'are'} left out here." if lost else "."
-        )
-    return replace(proposal.with_reasons((words,) if words else ()), twins=alike)
+    other, twin = mirror
+    there = propose_twin(proposal, twin, other, keep_out.meshes[other], file, choice, keep_out, begin)
+    if isinstance(there, str):
+        return replace(proposal, mirror=there)
+    words = f"{other} has the mirrored layout."
+    if lost := proposal.taxels - there.taxels:
+        proposal = target.reduced(found, proposal, there, twin.inverse(link), choice, begin)
+        words = f"{words[:-1]}, for which {counted(lost, 'taxel')} {'is' if lost == 1 else 'are'} left out here."
+    return replace(proposal.with_reasons((words,)), mirror=there)
 
 
 def link_surfaces(
@@ -153,8 +150,7 @@ def propose_twin(
     target = _Target.of(link, mesh, file, "m", keep_out, begin)
     if abs(target.free - former.free) > (1 - MIN_TWIN_FRACTION) * former.free:
         return f"{target.free * 1e4:.0f} instead of {former.free * 1e4:.0f} cm^2 are free"
-    if former.plan is None:
-        return ""
+    assert former.plan is not None
     moved, how = moved_plan(former.plan, link, twin), f"as on {former.link}"
     skins = {skin.surface: skin for skin in moved.skins}
 
@@ -180,7 +176,7 @@ def propose_twin(
         return f"a surface does not fit: {problem}".rstrip(".")
     if proposal.plan is None or proposal.cells < MIN_TWIN_FRACTION * former.cells:
         return f"only {proposal.taxels} of {counted(former.taxels, 'taxel')} fit"
-    words = f"The link is {twin.words} {former.link}, and has the same layout"
+    words = f"The link is {twin.words} {former.link}, and has its layout"
     if lost := former.taxels - proposal.taxels:
         others = f"; hidden, covered, or left in a short chain: {lost - off}" if lost > off else ""
         words += f", without {counted(lost, 'taxel')} of it. Over an edge or off the mesh here: {off}{others}"

@@ -130,7 +130,6 @@ def sole(gui, path):
     missed = re.search(r"([\d.]+)% of the sample rays", " ".join(w.message for w in plan().result.warnings))[1]
     states(f"{float(missed):.0f} % of the rays miss the mesh")
     yield from press(gui, "skin_calib.skin_add(kind='hexagons'")
-    yield from types(gui, "skin_calib.skins[0].side_mm", "8")
     yield from fits(gui, "skin")
     count = plan().result.taxels
     states(f"{count} boards with sides of 8 mm")

@@ -13,10 +13,10 @@ from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh, weld
 from skin_calib_addon.pipeline import calibrate
-from skin_calib_addon.plan import load_plan, plan_document, plan_from
+from skin_calib_addon.plan import load_plan, plan_document, plan_from, save_plan
 from skin_calib_addon.plan.plan import Plan
 from skin_calib_addon.plan.skins import BoardSkin
-from skin_calib_addon.proposal.links import Task, propose_task, robot_of
+from skin_calib_addon.proposal.links import Task, is_current, plan_path, plan_warnings, propose_task, robot_of
 from skin_calib_addon.proposal.moved_plan import moved_plan
 from skin_calib_addon.proposal.skins import parse_skin
 from skin_calib_addon.robot.mirrored import Twin
@@ -107,8 +107,15 @@ def test_links_of_a_pair_keep_only_the_boards_that_fit_on_both(tmp_path):
     back = moved_plan(right.plan, "left", robot_of(tmp_path / "arms.urdf").twins["right"].inverse("right"))
     assert [skin.choice for skin in back.skins] == [skin.choice for skin in left.plan.skins]
     assert left.taxels == right.taxels > 20 and left.chains == right.chains
-    lost = int(re.match(r"right has the same layout, for which (\d+) taxels are left out", left.reasons[0])[1])
+    lost = int(re.match(r"right has the mirrored layout, for which (\d+) taxels are left out", left.reasons[0])[1])
     assert f"without {lost} taxels of it. Over an edge or off the mesh here: {lost}." in right.reasons[0]
+    for proposal in (left, right):
+        save_plan(proposal.plan, plan_path(tmp_path, proposal.link))
+    save_mesh(weld(plate.vertices * MIRROR, plate.faces[:, ::-1]), tmp_path / "right.ply")  # without the pit
+    for proposal in (left, right):
+        path = plan_path(tmp_path, proposal.link)
+        assert not is_current(path, Task(tmp_path / "arms.urdf", "m", proposal.link, parse_skin("hexagons:8mm")))
+    assert "The mesh of the link right has changed" in " ".join(plan_warnings(plan_path(tmp_path, "left")))
 
 
 def test_moved_plan_is_what_its_file_gives():
