@@ -13,7 +13,7 @@ from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.mesh.visibility import are_seen
 from ..pipeline.place_skins import place_skin
 from ..plan.skins import BoardSkin
-from ..skin.boards.ground import MAX_DISTANCE, Ground
+from ..skin.boards.ground import GAP_LIMIT, MAX_DISTANCE, Ground
 from ..skin.boards.layout import Layout, kept_layout
 from ..skin.boards.overlap import largest_apart, overlapping
 from .candidates import DECIMALS
@@ -54,6 +54,7 @@ def _fit(skin: BoardSkin, fit: SurfaceFit, taxels: TaxelArray) -> BoolArray:
     ground = Ground(fit.error_field.surface, fit, skin.excluded, skin.lattice.side)
     over = ground.is_over_mesh(corners.reshape(-1, 3), np.broadcast_to(normals, corners.shape).reshape(-1, 3))
     fits: BoolArray = over.reshape(corners.shape[:2]).all(axis=1) & (taxels.quality["overhang"] == 0)
+    fits &= np.abs(taxels.quality["gap"]) <= GAP_LIMIT
     return fits & ground.carries(taxels.uv)
 
 
