@@ -39,6 +39,10 @@ RIM_COSINE = np.cos(np.deg2rad(30.0))
 # shells (without a limit 751 instead of 925 boards on the trunk of a T1); smaller: soles with round edges have no
 # surface of their own (that of the T1 has 0.09).
 MAX_SMOOTH_RIM = 0.12
+# [cosine] between the direction of a round end and the normals on it. Larger: smaller ends; smaller: boards on it and
+# on the tube around it are in each other's way (capsules with radii of 8 to 14 mm have 3 to 11 boards of 3 mm within 45
+# degrees of the pole, without such ends 0 to 2).
+END_COSINE = np.cos(np.deg2rad(50.0))
 # [1] decimals of the heights of cuts [m]. Larger: small differences of the mesh move them.
 CUT_DECIMALS = 3
 # [1] decimals of points [m] and directions. Larger: Blender has another plan. Format: what single precision keeps.
@@ -117,6 +121,16 @@ def ends_at_edges(on: LinkPoints, points: BoolArray, normal: Array) -> bool:
     around = ~points & np.isfinite(cKDTree(on.points[points]).query(on.points, distance_upper_bound=RIM_WIDTH)[0])
     smooth = around & (on.normals @ normal > RIM_COSINE)
     return bool(on.areas[smooth].sum() <= MAX_SMOOTH_RIM * on.areas[points].sum())
+
+
+def round_ends(on: LinkPoints) -> Iterator[tuple[Candidate, BoolArray]]:
+    """Yield the faces across both ends of the longest direction of a link, and their points (k,)."""
+    axis, _ = next(own_axes(on))
+    for sign in (1.0, -1.0):
+        normal = sign * unit(axis.direction)
+        points = on.wanted & (on.normals @ normal > END_COSINE)
+        if points.any():
+            yield Candidate(Across(normal=tuple(np.round(normal, DECIMALS).tolist())), "round end"), points
 
 
 def cuts_in_front(on: LinkPoints, normal: Array, least: float) -> Iterator[Cut]:

@@ -29,7 +29,7 @@ from .link_points import LinkPoints
 from .moved_plan import moved_plan
 from .one_skin import LinkSurfaces
 from .skins import SkinChoice, apart, skin_on, without_cells
-from .surfaces import MIN_AREA, Proposed, fitted, propose_surfaces
+from .surfaces import Proposed, fitted, least_area, propose_surfaces
 
 # [fraction] of the boards of a mirrored link, on each surface, and of its free area and cells, that a link must have to
 # get its layout. Larger: more left and right links have layouts of their own.
@@ -101,7 +101,7 @@ def propose_link(
             f"{target.free * 1e4:.0f} cm^2 are free, and {choice.text} needs {choice.least_area * 1e4:.0f}: no skin."
         )
         return Proposal(link, None, (target.sentence, words + target.why_covered), target.on.seen, target.free)
-    found = propose_surfaces(seen_faces(mesh), target.on, axes, begin)
+    found = propose_surfaces(seen_faces(mesh), target.on, axes, begin, choice.cell)
     proposal = target.proposal(
         found, lambda proposed: skin_on(choice, proposed.fit, proposed.surface.name), choice, begin
     )
@@ -275,15 +275,14 @@ class _Target:
                 f"{counted(int(kept.sum()), 'taxel')} of {choice.text}."
             )
         if not surfaces:
-            words = (
-                f"No surface of at least {MIN_AREA * 1e4:.0f} cm^2 is within 1 mm and 15 degrees of the mesh: no skin."
-            )
+            least = least_area(choice.cell) * 1e4
+            words = f"No surface of at least {least:.2g} cm^2 is within 1 mm and 15 degrees of the mesh: no skin."
             if found:
                 largest = max(found, key=lambda proposed: proposed.area)
                 where = f"{counted(len(found), 'surface')} of up to {largest.area * 1e4:.0f} cm^2"
                 words = f"No skin fits on {where}. The largest: {problems[largest.surface.name]}"
             return Proposal(self.link, None, (*reasons, words), self.on.seen, self.free)
-        if bare := self._bare(covered, found, problems):
+        if bare := self._bare(covered, found, problems, least_area(choice.cell)):
             reasons.append(bare)
         singles, cables = sum(len(chain) == 1 for chain in chains), cable_length(chains)
         if chains:
@@ -333,14 +332,14 @@ class _Target:
         on_both = [proposed for proposed in found if proposed.surface.name in kept]
         return self.proposal(on_both, skin_of, replace(choice, chain=1), begin)
 
-    def _bare(self, covered: BoolArray, found: Sequence[Proposed], problems: Mapping[str, str]) -> str:
+    def _bare(self, covered: BoolArray, found: Sequence[Proposed], problems: Mapping[str, str], least: float) -> str:
         """Return where the largest piece of the free area without skin is, and why; empty if it is small."""
         piece = self.on.largest_bare_piece(covered)
         points, areas = self.on.points[piece], self.on.areas[piece]
         if areas.sum() < MIN_BARE_AREA:
             return ""
         middle = points[np.linalg.norm(points - areas @ points / areas.sum(), axis=1).argmin()]
-        why = f"no surface of at least {MIN_AREA * 1e4:.0f} cm^2 was found there within 1 mm and 15 degrees of the mesh"
+        why = f"no surface of at least {least * 1e4:.2g} cm^2 was found there within 1 mm and 15 degrees of the mesh"
         on_surface = {p.surface.name: p.covered[piece] for p in found if p.surface.name in problems}
         if areas[np.any([*on_surface.values(), np.zeros(len(piece), bool)], axis=0)].sum() > 0.5 * areas.sum():
             largest = max(on_surface, key=lambda name: float(areas[on_surface[name]].sum()))

@@ -58,9 +58,13 @@ class SkinChoice:
         lattice = self.template.lattice
         if self.is_wanted:
             return 0.0
-        if isinstance(lattice, HexLattice):
-            return MIN_BOARDS * lattice.area
-        return float(lattice.rows * lattice.columns * np.prod(lattice.pitch))
+        return (MIN_BOARDS if isinstance(lattice, HexLattice) else lattice.rows * lattice.columns) * self.cell
+
+    @property
+    def cell(self) -> float:
+        """Return the area of a cell [m^2]."""
+        lattice = self.template.lattice
+        return lattice.area if isinstance(lattice, HexLattice) else float(np.prod(lattice.pitch))
 
 
 class Form(NamedTuple):

@@ -21,7 +21,7 @@ from ..geometry.surface.bspline import BSplineSurface
 from ..pipeline.calibrate import refuse_errors
 from ..plan.plan import Surface
 from ..skin.boards.ground import MAX_ANGLE, MAX_DISTANCE
-from .candidates import DECIMALS, Candidate, candidates, flat_faces
+from .candidates import DECIMALS, Candidate, candidates, flat_faces, round_ends
 from .link_points import POINT_DISTANCE, LinkPoints
 from .loops import Loops, loops_around
 from .trial import Start, Trial, judged, region_size
@@ -29,6 +29,11 @@ from .trial import Start, Trial, judged, region_size
 # [m^2] that a surface adds. Larger: fewer surfaces, less is covered, less time (4 cm^2: 5958 cm^2 with 101 surfaces,
 # 7 cm^2: 5858 with 85, instead of 5952 with 100 on the G1, before ``BOUNDARY_OPENING``).
 MIN_AREA = 5e-4
+# [cells] of a surface of small boards. Larger: fingers have fewer surfaces.
+MIN_CELLS = 6
+# [m^2] free area of a link up to which its round ends, such as fingertips, have surfaces of their own: a tube cannot
+# cover them. Larger: more links, with more and smaller surfaces.
+MAX_FINGER_AREA = 100e-4
 # [m^2] of a flat face, such as a sole, that has a surface of its own. Larger: tubes take strips of more of them.
 MIN_FLAT_AREA = 50e-4
 # [fraction] of the free area of a link that each surface after the first adds. Larger: fewer surfaces on large links,
@@ -66,34 +71,53 @@ def propose_surfaces(
     on: LinkPoints,
     axes: Iterable[tuple[Axis, str]] = (),
     begin: Callable[[str], None] = lambda stage: None,
+    cell: float = MIN_AREA,
 ) -> tuple[Proposed, ...]:
-    """Return surfaces that cover most of what is free on a link; ``on.covered`` has what they cover."""
+    """Return surfaces that cover most of what is free on a link; ``on.covered`` has what they cover.
+
+    ``cell`` is the area of a cell of the skin [m^2].
+    """
     if not on.wanted.any():
         return ()
-    found = on_flat_faces(seen, on, begin)
-    pool = [Tried(c, c.bound(on)) for c in candidates(on, axes, MIN_AREA)] if on.wanted.any() else []
-    least = max(MIN_AREA, MIN_FRACTION * float(on.areas[on.wanted].sum()))
+    least = least_area(cell)
+    found = on_faces(seen, on, flat_faces(on, MIN_FLAT_AREA), MIN_FLAT_AREA, begin)
+    if on.areas[on.wanted].sum() <= MAX_FINGER_AREA:
+        found += on_faces(seen, on, round_ends(on), least, begin, len(found))
+    pool = [Tried(c, c.bound(on)) for c in candidates(on, axes, least)] if on.wanted.any() else []
+    more = max(least, MIN_FRACTION * float(on.areas[on.wanted].sum()))
     while True:  # each surface adds an area
         begin(f"surface {len(found) + 1}")
-        best = best_of(pool, seen, on, least if found else MIN_AREA)
+        best = best_of(pool, seen, on, more if found else least)
         if best is None:
             return tuple(found)
         candidate, trial = best
-        proposed = boundary_of(candidate.mesh(seen), on, candidate, trial, len(found) + 1)
+        proposed = boundary_of(candidate.mesh(seen), on, candidate, trial, len(found) + 1, least)
         if proposed is None:
             pool = [tried for tried in pool if tried.candidate is not candidate]
         else:
             found.append(proposed)
 
 
-def on_flat_faces(seen: TriangleMesh, on: LinkPoints, begin: Callable[[str], None]) -> list[Proposed]:
-    """Return surfaces on large flat faces, before tubes take strips of them: boards are densest on a plane."""
+def least_area(cell: float) -> float:
+    """Return the area that a surface must add for cells of an area [m^2]."""
+    return min(MIN_AREA, MIN_CELLS * cell)
+
+
+def on_faces(
+    seen: TriangleMesh,
+    on: LinkPoints,
+    faces: Iterable[tuple[Candidate, BoolArray]],
+    least: float,
+    begin: Callable[[str], None],
+    number: int = 0,
+) -> list[Proposed]:
+    """Return surfaces on faces that are known, before tubes take strips of them."""
     found: list[Proposed] = []
-    for candidate, points in flat_faces(on, MIN_FLAT_AREA):
-        begin(f"surface {len(found) + 1}")
+    for candidate, points in faces:
+        begin(f"surface {number + len(found) + 1}")
         with on.only(points):
-            best = best_of([Tried(candidate, candidate.bound(on))], seen, on, MIN_FLAT_AREA)
-            proposed = boundary_of(seen, on, *best, len(found) + 1) if best else None
+            best = best_of([Tried(candidate, candidate.bound(on))], seen, on, least)
+            proposed = boundary_of(seen, on, *best, number + len(found) + 1, least) if best else None
         if proposed is not None:
             found.append(proposed)
     return found
@@ -133,14 +157,14 @@ def best_of(pool: list[Tried], seen: TriangleMesh, on: LinkPoints, least: float)
 
 
 def boundary_of(
-    cover: TriangleMesh, on: LinkPoints, candidate: Candidate, trial: Trial, number: int
+    cover: TriangleMesh, on: LinkPoints, candidate: Candidate, trial: Trial, number: int, least: float
 ) -> Proposed | None:
     """Return a surface with the boundary of a trial, fitted as a plan has it; None if it covers too little."""
     per_span = SITES_PER_SPAN * int(np.ceil(trial.steps.max() / FINE_STEP))
     basis = TensorBasis.of(trial.lines, 3, 3, per_span)
     rows = SampleRows.of(cover, trial.lines, basis)
     fine = judged(rows, on, trial.parametrization, trial.lines, trial.offsets, basis, BOUNDARY_OPENING)
-    if fine is None or fine.area < MIN_AREA:
+    if fine is None or fine.area < least:
         return None
     loops = loops_around(fine.good, fine.points, trial.parametrization.closed, LOOP_TOLERANCE)
     region = bounded_region(candidate.region, fine, loops)

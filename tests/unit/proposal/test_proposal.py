@@ -12,7 +12,7 @@ import trimesh
 from skin_calib_addon.calibration.file import load_calibration
 from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import InvalidPlan, PoorFit
-from skin_calib_addon.geometry import CoverSpec
+from skin_calib_addon.geometry import CoverSpec, load_mesh
 from skin_calib_addon.geometry.grid.grids import Across
 from skin_calib_addon.geometry.mesh.cover import seen_faces
 from skin_calib_addon.geometry.mesh.distance import closest
@@ -547,3 +547,20 @@ def test_stated_area_is_that_of_cells(tmp_path):
     assert (proposal.chains, proposal.singles) == (2, 2) and proposal.cables == pytest.approx(0.03, abs=0.002)
     assert proposal.cells == pytest.approx(2 * 1.5 * 3**0.5 * 0.02**2, rel=1e-6)
     assert f"cover {proposal.cells * 1e4:.0f} cm^2" in proposal.reasons[-1]
+
+
+def test_finger_has_small_boards_around_it_and_on_its_tip(tmp_path):
+    """Its surfaces are smaller than those of other links, because the boards are. Large boards do not fit."""
+    capsule = trimesh.creation.capsule(height=0.04, radius=0.01, count=(48, 48)).subdivide_to_size(0.004)
+    above = capsule.vertices[capsule.faces].mean(axis=1)[:, 2] > 0
+    save_mesh(weld(capsule.vertices, capsule.faces[above]), tmp_path / "finger.ply")
+    mesh = load_mesh(tmp_path / "finger.ply")
+    small, large = (
+        propose_link("finger", mesh, tmp_path / "finger.ply", "m", replace(parse_skin(skin), is_wanted=True))
+        for skin in ("hexagons:3mm", "hexagons:8mm")
+    )
+    patches = calibrate(small.plan, mesh, known=small.fits).calibration.patches
+    points = np.concatenate([patch.taxels.positions_link for patch in patches]) - (0, 0, 0.02)
+    slopes = np.rad2deg(np.arctan2(np.hypot(*points.T[:2]), points[:, 2]))
+    assert np.count_nonzero(slopes < 45) >= 3 and np.count_nonzero(slopes > 90) > 20
+    assert large.plan is None and "No skin fits on" in large.reasons[-1]
