@@ -399,7 +399,7 @@ def stages(urdf, skin):
         now = process_time()
         if at[0]:
             seconds[at[0]] += now - at[1]
-        at[:] = [stage and (re.sub(" of .*|( \\d+)", "", stage)), now]
+        at[:] = [stage and stage.split()[0], now]
 
     with tempfile.TemporaryDirectory() as temporary:
         for link in links_with_mesh(read_robot(urdf)):

@@ -246,8 +246,8 @@ class _Target:
         """Return the proposal with skins on surfaces, without boards that conflict."""
         placed, reasons = [], [self.sentence + self.why_covered]
         problems: dict[str, str] = {}  # by the names of the surfaces
-        for proposed in found:
-            begin(f"skin of {proposed.surface.name}")
+        for k, proposed in enumerate(found, 1):
+            begin(f"skin {k} of {len(found)}")
             try:
                 placed.append((proposed, *skin_of(proposed)))
             except SkinCalibError as problem:

@@ -86,7 +86,7 @@ def propose_surfaces(
     pool = [Tried(c, c.bound(on)) for c in candidates(on, axes, least)] if on.wanted.any() else []
     more = max(least, MIN_FRACTION * float(on.areas[on.wanted].sum()))
     while True:  # each surface adds an area
-        begin(f"surface {len(found) + 1}")
+        begin(stage(on, len(found) + 1))
         best = best_of(pool, seen, on, more if found else least)
         if best is None:
             return tuple(found)
@@ -96,6 +96,12 @@ def propose_surfaces(
             pool = [tried for tried in pool if tried.candidate is not candidate]
         else:
             found.append(proposed)
+
+
+def stage(on: LinkPoints, number: int) -> str:
+    """Return what is computed now: a surface, and how much the surfaces before it cover."""
+    part = on.areas[on.covered].sum() / on.areas[on.free].sum()
+    return f"surface {number}" + (f", {part:.0%} of the free area are covered" if part else "")
 
 
 def least_area(cell: float) -> float:
@@ -114,7 +120,7 @@ def on_faces(
     """Return surfaces on faces that are known, before tubes take strips of them."""
     found: list[Proposed] = []
     for candidate, points in faces:
-        begin(f"surface {number + len(found) + 1}")
+        begin(stage(on, number + len(found) + 1))
         with on.only(points):
             best = best_of([Tried(candidate, candidate.bound(on))], seen, on, least)
             proposed = boundary_of(seen, on, *best, number + len(found) + 1, least) if best else None
