@@ -80,3 +80,21 @@ def test_tool_works_on_the_skin_under_the_mouse(bpy, addon, plan_file):
         bpy.ops.skin_calib.boards_paint(at_mouse=True, point=patch.taxels.positions_link[1])
     cells = {skin.name: skin.cells for skin in link.skin_calib.skins if skin.kind == "hexagons"}
     assert cells == {"first": "0,0", "second": "0,0"}
+
+
+def test_click_on_a_board_beside_its_place_removes_it(bpy, addon, plan_file):
+    """The other one beside its place keeps its numbers; a place whose coordinates are in use gets no board."""
+    beside = [[0, 0], [1, 0, 0.0, 0.004, 0.1], [0, -1, 0.0, -0.03, 0.0]]
+    boards = {"name": "boards", "kind": "hexagons", "side": 0.006, "cells": beside}
+    place = {"origin": [-0.0365, 0.01, 0.06], "direction": [0, 0, 1]}
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file("beside", skins=[boards | place])))
+    bpy.ops.skin_calib.fit()
+    skin = bpy.context.object.skin_calib.skins[0]
+    found = taxels(addon, bpy.context.object)
+    root = found.positions_link[0]
+    across = np.cross(found.normals_link[0], found.tangents_link[0])
+    below = -0.0104 * (0.5 * found.tangents_link[0] + np.sqrt(0.75) * across)
+    with pytest.raises(RuntimeError, match="has the coordinates of this place"):
+        bpy.ops.skin_calib.boards_paint(skin=0, point=root + below)
+    bpy.ops.skin_calib.boards_paint(skin=0, point=found.positions_link[1])
+    assert skin.cells == "0,0 0,-1,0.000000,-0.030000,0.000000"
