@@ -61,6 +61,8 @@ class SKIN_OT_boards_paint(Followed, Picking, OnSkin, Operator):
         if not others:
             raise SkinCalibError("This is the last board. Remove the skin instead.")
         if len(others) < len(cells) and not is_there:
-            raise SkinCalibError("Another board, beside its place in the lattice, has the coordinates of this place.")
+            raise SkinCalibError(
+                "Another board, shifted from its place in the lattice, has the coordinates of this place."
+            )
         skins.list_boards(skin, taxels, metre)
         skin.cells = written_cells(others if is_there else [*cells, cell])

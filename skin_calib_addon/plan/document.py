@@ -110,7 +110,7 @@ def read_cells(value: Any) -> Choice:
     """Return the boards of a skin: a word, or a list."""
     if isinstance(value, str):
         return value  # type: ignore[return-value]
-    return tuple((int(q), int(r), *map(float, beside)) for q, r, *beside in value)  # type: ignore[misc]
+    return tuple((int(q), int(r), *map(float, shifted)) for q, r, *shifted in value)  # type: ignore[misc]
 
 
 def as_lists(value: Any) -> Any:

@@ -617,7 +617,7 @@ BOARDS = Record(
             "cells",
             CELLS,
             "Which boards there are: as many as fit, all from the origin, or a list of axial coordinates. q counts "
-            "along the rows, r along the direction 60 degrees to their left. A board beside its place in the lattice "
+            "along the rows, r along the direction 60 degrees to their left. A board that is shifted from its place "
             "has x along the rows and y to their left, in metres along the surface, and the turn in radians.",
             default="fill",
             field="choice",

@@ -40,7 +40,7 @@ RIM_COSINE = np.cos(np.deg2rad(30.0))
 # surface of their own (that of the T1 has 0.09).
 MAX_SMOOTH_RIM = 0.12
 # [cosine] between the direction of a round end and the normals on it. Larger: smaller ends; smaller: boards on it and
-# on the tube around it are in each other's way (capsules with radii of 8 to 14 mm have 3 to 11 boards of 3 mm within 45
+# on the tube around it overlap (capsules with radii of 8 to 14 mm have 3 to 11 boards of 3 mm within 45
 # degrees of the pole, without such ends 0 to 2).
 END_COSINE = np.cos(np.deg2rad(50.0))
 # [1] decimals of the heights of cuts [m]. Larger: small differences of the mesh move them.

@@ -85,10 +85,10 @@ def _moved_skin(skin: Skin, twin: Twin) -> Skin:
 
 def _reflected(cell: Cell, sign: int) -> Cell:
     """Return a board of a list, reflected about the row of the root; the sign is minus one for the other direction."""
-    q, r, *beside = cell
-    if not beside:
+    q, r, *shifted = cell
+    if not shifted:
         return sign * (q + r), -sign * r
-    x, y, turn = beside
+    x, y, turn = shifted
     return sign * (q + r), -sign * r, sign * x, -sign * y, -turn
 
 

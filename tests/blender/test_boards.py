@@ -82,12 +82,12 @@ def test_tool_works_on_the_skin_under_the_mouse(bpy, addon, plan_file):
     assert cells == {"first": "0,0", "second": "0,0"}
 
 
-def test_click_on_a_board_beside_its_place_removes_it(bpy, addon, plan_file):
-    """The other one beside its place keeps its numbers; a place whose coordinates are in use gets no board."""
-    beside = [[0, 0], [1, 0, 0.0, 0.004, 0.1], [0, -1, 0.0, -0.03, 0.0]]
-    boards = {"name": "boards", "kind": "hexagons", "side": 0.006, "cells": beside}
+def test_click_on_a_board_shifted_from_its_place_removes_it(bpy, addon, plan_file):
+    """The other one shifted from its place keeps its numbers; a place whose coordinates are in use gets no board."""
+    shifted = [[0, 0], [1, 0, 0.0, 0.004, 0.1], [0, -1, 0.0, -0.03, 0.0]]
+    boards = {"name": "boards", "kind": "hexagons", "side": 0.006, "cells": shifted}
     place = {"origin": [-0.0365, 0.01, 0.06], "direction": [0, 0, 1]}
-    bpy.ops.skin_calib.import_plan(filepath=str(plan_file("beside", skins=[boards | place])))
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file("shifted", skins=[boards | place])))
     bpy.ops.skin_calib.fit()
     skin = bpy.context.object.skin_calib.skins[0]
     found = taxels(addon, bpy.context.object)

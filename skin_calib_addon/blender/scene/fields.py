@@ -149,15 +149,15 @@ def _cuts(planes: Planes) -> tuple[Cut, ...]:
 
 
 def read_cells(text: str) -> tuple[Cell, ...]:
-    """Return boards written as "0,0 1,0 0,1", or "0,0,x,y,turn" beside their place [m, m, rad]."""
+    """Return boards written as "0,0 1,0 0,1", or "0,0,x,y,turn" shifted from their place [m, m, rad]."""
     cells: list[Cell] = []
     for word in re.sub(r"\s*,\s*", ",", text).split():
         found = CELL.fullmatch(word)
         if not found:
             raise InvalidPlan(f"{word!r} is not a cell; write q,r for each board, as in 0,0 1,0 0,1")
-        q, r, *beside = word.split(",")
+        q, r, *shifted = word.split(",")
         try:
-            cells.append((int(q), int(r), *map(real, beside)))
+            cells.append((int(q), int(r), *map(real, shifted)))
         except NumberError as error:
             raise InvalidPlan(f"{word!r} is not a board: {error}") from error
     return tuple(cells)

@@ -42,7 +42,7 @@ def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overh
     adjacent = neighbours(ids, positions, normals, corners)
     pairs = neighbour_rows(ids, adjacent)
     linked = lattice.linked(boards.cells)
-    linked = linked[~boards.beside[linked].any(axis=1)]
+    linked = linked[~boards.shifted[linked].any(axis=1)]
     linked = np.concatenate((linked, linked[:, ::-1]))
     return TaxelArray(
         ids=ids,

@@ -45,8 +45,8 @@ def _rolled(boards: WrappedBoards, slide: float) -> WrappedBoards:
     for _ in range(STEPS):
         uv = uv + steps_along(surface, uv, places.reshape(-1, 3) - surface.points(uv))
         uv = np.where(surface.closed, uv, np.clip(uv, 0.0, 1.0))
-    beside = np.ones(len(uv), bool)
-    return replace(new, uv=uv, tangents=tangential(new.tangents, surface.normals(uv)), beside=beside)
+    shifted = np.ones(len(uv), bool)
+    return replace(new, uv=uv, tangents=tangential(new.tangents, surface.normals(uv)), shifted=shifted)
 
 
 def _usable(boards: WrappedBoards, new: WrappedBoards, fits: Callable[[WrappedBoards], BoolArray]) -> WrappedBoards:

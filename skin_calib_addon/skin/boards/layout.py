@@ -25,7 +25,7 @@ from .region import region_of
 from .search import MAX_PITCH_CHANGE, Poses, Search, axes_at
 from .wrapped_boards import WrappedBoards
 
-Cell = tuple[int, int] | tuple[int, int, float, float, float]  # q, r; and how far a board is beside [m, m, rad]
+Cell = tuple[int, int] | tuple[int, int, float, float, float]  # q, r; and how far a board is shifted [m, m, rad]
 Choice = Literal["fill", "all"] | Sequence[Cell]
 # [1] Distance of the nodes of the flat map, in pitches. Larger: less exact, faster.
 MAP_SPACING = 0.5
@@ -45,7 +45,7 @@ LAYOUTS = 16
 MAX_LOST = 0.1
 # [1] Nearest cells of which a board that grew on gets the first free coordinates. Derived: none are closer together.
 NEAR_CELLS = 200
-DECIMALS = 6  # of how far a board is beside its place [m], [rad]. Larger: longer plans
+DECIMALS = 6  # of how far a board is shifted from its place [m], [rad]. Larger: longer plans
 # [m] Distance below which a board is at its place in the lattice: origins in plans are rounded. Larger: small overlaps.
 SAME_PLACE = 2e-6
 # [1] Most rounds of moves. More: fewer boards are left out, slower.
@@ -197,14 +197,14 @@ class Layout:
     def placed(self, pose: Poses, cells: IntArray, places: Array | None = None) -> tuple[WrappedBoards, Array]:
         """Return boards at a pose, and the distances of their flat positions from the map (n,) [m].
 
-        Places (n, 3) have how far boards are beside their cells, along the rows and across [m], and rotated [rad].
+        Places (n, 3) have the shifts of boards from their cells, along the rows and across [m], and turns [rad].
         """
         places = np.zeros((len(cells), 3)) if places is None else places
         angle = float(pose.angles[0])
         uv, missed = self.to_flat.inverse(self.search.centres(pose, cells)[0] + places[:, :2] @ axes_at(angle))
         tangents = tangential(self.to_flat.directions(uv, angle + places[:, 2]), self.surface.normals(uv))
-        beside = places.any(axis=1)
-        return WrappedBoards(self.surface, self.offset, self.lattice, cells, uv, tangents, beside), missed
+        shifted = places.any(axis=1)
+        return WrappedBoards(self.surface, self.offset, self.lattice, cells, uv, tangents, shifted), missed
 
     def complete(self, pose: Poses) -> WrappedBoards:
         """Return all boards that fit at a pose, without overlaps, by r, then q."""
@@ -302,22 +302,22 @@ class Layout:
         boards = boards[self.outline_is_covered(boards)]
         if not len(boards.cells):
             raise self.refusal
-        ways = [boards]
+        starts = [boards]
         if len(boards.cells) < (1 - MAX_LOST) * np.count_nonzero(self.fits(self._on_map(pose))):
-            ways.append(boards[_root_row(boards, self.to_flat)])
+            starts.append(boards[_root_row(boards, self.to_flat)])
         found = []
-        for way in ways:
-            more = grown(way, self.fits)
-            more = more[~more.beside | self.outline_is_covered(more)]
+        for start in starts:
+            more = grown(start, self.fits)
+            more = more[~more.shifted | self.outline_is_covered(more)]
             found.append(more[more.are_near()] if more.are_near().any() else more)
         return _rooted(self._addressed(max(found, key=lambda boards: len(boards.cells)), pose), self.to_flat)
 
     def _addressed(self, boards: WrappedBoards, pose: Poses) -> WrappedBoards:
-        """Return boards with the coordinates of the nearest cells without a board, for those beside their places."""
+        """Return boards of which the shifted ones have the coordinates of the nearest cells without a board."""
         cells, free = boards.cells.copy(), self.search.cells
-        taken = {tuple(cell) for cell in cells[~boards.beside].tolist()}
+        taken = {tuple(cell) for cell in cells[~boards.shifted].tolist()}
         centres = cKDTree(self.search.centres(pose, free)[0])
-        for row in np.flatnonzero(boards.beside):
+        for row in np.flatnonzero(boards.shifted):
             near = centres.query(self.to_flat(boards.uv[[row]])[0], min(NEAR_CELLS, len(free)))[1]
             cells[row] = next(cell for cell in free[near].tolist() if tuple(cell) not in taken)
             taken.add(tuple(cells[row].tolist()))
@@ -349,7 +349,7 @@ class Layout:
         known = {tuple(cell): i for i, cell in enumerate(complete.cells.tolist())}
         uv, tangents = boards.uv.copy(), boards.tangents.copy()
         for row, cell in enumerate(map(tuple, cells.tolist())):
-            if cell in known and not boards.beside[row]:
+            if cell in known and not boards.shifted[row]:
                 uv[row], tangents[row] = complete.uv[known[cell]], complete.tangents[known[cell]]
         return replace(boards, uv=uv, tangents=tangents), missed
 
@@ -387,7 +387,7 @@ class Layout:
 
 
 def cells_of(choice: Sequence[Cell]) -> tuple[IntArray, Array]:
-    """Return axial coordinates (n, 2) of a list of boards, and how far each is beside (n, 3) [m, m, rad]."""
+    """Return axial coordinates (n, 2) of a list of boards, and how far each is shifted (n, 3) [m, m, rad]."""
     rows = [(*cell, 0.0, 0.0, 0.0)[:5] for cell in choice]
     cells, places = np.array([row[:2] for row in rows], np.int64), np.array([row[2:] for row in rows], float)
     return cells.reshape(-1, 2), places.reshape(-1, 3)
@@ -406,7 +406,7 @@ def forget_layouts() -> None:
 
 def _root_row(boards: WrappedBoards, to_flat: FlatMap) -> slice:
     """Return the row of the board in its place that is nearest to the flat origin."""
-    distances = np.where(boards.beside, np.inf, np.linalg.norm(to_flat(boards.uv), axis=1))
+    distances = np.where(boards.shifted, np.inf, np.linalg.norm(to_flat(boards.uv), axis=1))
     row = int(np.flatnonzero(distances <= distances.min() + TOUCH * boards.lattice.side)[0])
     return slice(row, row + 1)
 

@@ -23,17 +23,17 @@ class WrappedBoards:
     cells: IntArray  # (n, 2) axial coordinates
     uv: Array  # (n, 2) parameters of the centres, continuous over a seam
     tangents: Array  # (n, 3) unit, along the rows of the lattice
-    beside: BoolArray  # (n,) which boards are beside their places in the lattice
+    shifted: BoolArray  # (n,) which boards are shifted from their places in the lattice
 
     def __getitem__(self, which: BoolArray | IntArray | slice) -> "WrappedBoards":
-        own = {name: getattr(self, name)[which] for name in ("cells", "uv", "tangents", "beside")}
+        own = {name: getattr(self, name)[which] for name in ("cells", "uv", "tangents", "shifted")}
         return replace(self, **own)
 
     def joined(self, others: "WrappedBoards") -> "WrappedBoards":
         """Return these boards and others on the same surface."""
-        both = [(getattr(self, name), getattr(others, name)) for name in ("cells", "uv", "tangents", "beside")]
-        cells, uv, tangents, beside = map(np.concatenate, both)
-        return replace(self, cells=cells, uv=uv, tangents=tangents, beside=beside)
+        both = [(getattr(self, name), getattr(others, name)) for name in ("cells", "uv", "tangents", "shifted")]
+        cells, uv, tangents, shifted = map(np.concatenate, both)
+        return replace(self, cells=cells, uv=uv, tangents=tangents, shifted=shifted)
 
     @cached_property
     def points(self) -> Array:

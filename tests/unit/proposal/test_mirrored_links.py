@@ -196,7 +196,7 @@ def test_plan_that_has_no_copy_is_refused(changes, words):
         moved_plan(plan, "right", Twin("left", np.diag((1.0, -1, 1, 1))))
 
 
-def test_mirrored_board_beside_its_place():
+def test_mirrored_board_shifted_from_its_place():
     """On a plane: its position is the reflected one, and a row of it has the reflected direction."""
     listed = ((0, 0), (1, 1, 0.002, -0.003, 0.15))
     skin = BoardSkin("boards", HexLattice(0.008, 0.0), listed, (0.1, 0.0, 0.0), (1.0, 0.2, 0.0))

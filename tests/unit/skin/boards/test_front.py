@@ -81,7 +81,7 @@ def test_on_a_plane_and_a_tube_the_lattice_is_as_good(mesh):
     )
     lattice, _ = lay_boards(fit.error_field.surface, BOARD, "fill", None, None, fit=fit)
     boards = densest(fit)
-    assert len(boards.cells) >= len(lattice.cells) and np.count_nonzero(boards.beside) <= 0.1 * len(boards.cells)
+    assert len(boards.cells) >= len(lattice.cells) and np.count_nonzero(boards.shifted) <= 0.1 * len(boards.cells)
 
 
 @pytest.mark.parametrize("name", ["barrel", "tube"])
@@ -94,4 +94,4 @@ def test_a_list_places_the_boards_again(name):
     assert [tuple(cell) for cell in taxels.index.tolist()] == [cell[:2] for cell in skin.choice]
     assert_allclose(taxels.positions_link, fit.error_field.surface.points(taxels.uv), rtol=0, atol=1e-9)
     assert_allclose(np.sort(pdist(taxels.positions_link)), np.sort(pdist(middles(boards))), rtol=0, atol=4e-6)
-    assert any(len(cell) == 5 for cell in skin.choice) or not boards.beside.any()
+    assert any(len(cell) == 5 for cell in skin.choice) or not boards.shifted.any()

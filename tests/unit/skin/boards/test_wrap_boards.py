@@ -182,7 +182,7 @@ def test_hexagons_without_area_or_pitch_are_refused(side, gap):
         HexLattice(side, gap)
 
 
-def test_listed_board_beside_its_place():
+def test_listed_board_shifted_from_its_place():
     """Along the rows and to their left, and rotated, on a plane whose rows are rotated; the others stay."""
     turn, origin = 0.3, np.array((0.1, 0.1, 0.0))
     rows = np.array((np.cos(turn), np.sin(turn), 0.0))
@@ -193,4 +193,4 @@ def test_listed_board_beside_its_place():
     assert_allclose(first, origin, atol=1e-9)
     assert_allclose(second, origin + x * rows + y * np.cross((0, 0, 1), rows), atol=1e-9)
     assert_allclose(boards.tangents[1], (np.cos(turn + 0.1), np.sin(turn + 0.1), 0), atol=1e-9)
-    assert boards.beside.tolist() == [False, True]
+    assert boards.shifted.tolist() == [False, True]
