@@ -28,6 +28,7 @@ COMMANDS = {
     "new": ("new", "write a plan with one skin at one place of a link"),
     "check": ("check", "validate calibrations and plans, and compare calibrations with their meshes"),
     "show": ("show", "print table and warnings of a calibration or of the links of a robot, and draw a picture"),
+    "diff": ("diff", "compare two calibrations of one link"),
     "export": ("export", "write the taxels of a calibration for another program"),
     "import": ("import_file", "read the taxels of a file of another program"),
     "response": ("response", "fit the responses of the sensors to measurements"),

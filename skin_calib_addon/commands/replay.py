@@ -82,7 +82,9 @@ def run(options: argparse.Namespace) -> int:
 
         draw_replay(skin, frames, options.picture)
     if options.output:
-        lines = [json.dumps(frame_document(frame), separators=(",", ":"), allow_nan=False) for frame in frames]
+        lines = [
+            json.dumps(frame_document(frame, skin.checksum), separators=(",", ":"), allow_nan=False) for frame in frames
+        ]
         write_bytes_safely(options.output, ("\n".join(lines) + "\n").encode())
     if recording.has_more:
         complain(

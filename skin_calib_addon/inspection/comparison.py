@@ -63,7 +63,7 @@ def compare(taxels: AllTaxels, others: TaxelSet, mesh: TriangleMesh, link: str =
         ours = np.asarray(cKDTree(taxels.positions).query(others.positions)[1])
         theirs = np.arange(len(others.labels))
     ends = np.stack((taxels.positions[ours], others.positions[theirs]), axis=1)
-    angles = None if others.normals is None else _angles(taxels.normals[ours], others.normals[theirs])
+    angles = None if others.normals is None else angles_between(taxels.normals[ours], others.normals[theirs])
     worst = taxels.ids[ours[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).argmax()]]
     notes = (
         *([f"The file is in the frame {others.frame}"] if link and others.frame not in (None, link) else ()),
@@ -75,24 +75,30 @@ def compare(taxels: AllTaxels, others: TaxelSet, mesh: TriangleMesh, link: str =
     return Comparison(by, ours, ends, angles, worst, notes)
 
 
-def _angles(a: Array, b: Array) -> Array:
+def angles_between(a: Array, b: Array) -> Array:
     """Return angles between unit vectors (m, 3), exact also near 0 and 180 degrees."""
     return 2 * np.arctan2(np.linalg.norm(a - b, axis=1), np.linalg.norm(a + b, axis=1))
 
 
 def _of_pairs(ends: Array) -> Iterator[str]:
-    """Yield a note if one motion brings the taxels of the file to ours (Kabsch, 1976)."""
+    """Yield a note if one motion brings the taxels of the file to ours."""
     ours, theirs = ends.transpose(1, 0, 2)
     before = float(np.linalg.norm(theirs - ours, axis=1).mean())
     if before < MIN_MOTION_DISTANCE or len(ends) < 3:
         return
-    middle, target = theirs.mean(axis=0), ours.mean(axis=0)
-    u, _, v = np.linalg.svd((ours - target).T @ (theirs - middle))
-    turn = u @ np.diag((1.0, 1.0, np.sign(np.linalg.det(u @ v)))) @ v
-    after = float(np.linalg.norm((theirs - middle) @ turn.T + target - ours, axis=1).mean())
+    turn, shift = best_motion(theirs, ours)
+    after = float(np.linalg.norm(theirs @ turn.T + shift - ours, axis=1).mean())
     if after <= MAX_REMAINING_RATIO * before:
-        motion = _motion(turn, target - turn @ middle)
-        yield f"Another frame? {motion} would bring it from {_mm(before)} to {_mm(after)}"
+        motion = in_words(turn, shift)
+        yield f"Another frame? {motion} would bring it from {in_mm(before)} to {in_mm(after)}"
+
+
+def best_motion(points: Array, targets: Array) -> tuple[Array, Array]:
+    """Return rotation (3, 3) and shift (3,) [m] that bring points (n, 3) nearest to targets (n, 3) (Kabsch, 1976)."""
+    middle, target = points.mean(axis=0), targets.mean(axis=0)
+    u, _, v = np.linalg.svd((targets - target).T @ (points - middle))
+    turn = u @ np.diag((1.0, 1.0, np.sign(np.linalg.det(u @ v)))) @ v
+    return turn, target - turn @ middle
 
 
 def _of_mesh(mesh: TriangleMesh, positions: Array) -> Iterator[str]:
@@ -100,27 +106,28 @@ def _of_mesh(mesh: TriangleMesh, positions: Array) -> Iterator[str]:
     fit = find_frame(mesh, positions)
     if fit.before.mean <= ON_MESH_DISTANCE:
         return
-    off = f"{_mm(fit.before.mean)} off the mesh on average"
+    off = f"{in_mm(fit.before.mean)} off the mesh on average"
     if fit.verdict == "right":
         yield f"It is {off}, and no motion brings it much nearer"
     elif fit.verdict == "lost":
-        left = _mm(fit.after.mean)
+        left = in_mm(fit.after.mean)
         yield f"It is {off}, and no motion brings it nearer than {left}: another link, or another unit?"
     else:
         also = ", but other positions fit, too" if fit.verdict == "ambiguous" else ""
-        motion = _motion(fit.rotation, fit.translation)
-        yield f"Another frame: it is {off}; {motion} would bring it to {_mm(fit.after.mean)}{also}"
+        motion = in_words(fit.rotation, fit.translation)
+        yield f"Another frame: it is {off}; {motion} would bring it to {in_mm(fit.after.mean)}{also}"
 
 
-def _motion(turn: Array, shift: Array) -> str:
-    """Describe a motion in words."""
+def in_words(turn: Array, shift: Array, digits: int = 1) -> str:
+    """Describe a motion in words, with some digits after the point."""
     angle = np.rad2deg(np.linalg.norm(Rotation.from_matrix(turn).as_rotvec()))
-    by = ", ".join(f"{round(1e3 * x, 1) + 0.0:.1f}" for x in shift.tolist())  # no minus zero
-    turned = f"a turn by {angle:.1f}° and " if round(angle, 1) else ""
+    by = ", ".join(f"{round(1e3 * x, digits) + 0.0:.{digits}f}" for x in shift.tolist())  # no minus zero
+    turned = f"a turn by {angle:.{digits}f}° and " if round(angle, digits) else ""
     return f"{turned}a shift by ({by}) mm"
 
 
-def _mm(length: float) -> str:
+def in_mm(length: float) -> str:
+    """Return a length [m] in words."""
     return f"{round(length * 1e3, 4):.3g} mm"
 
 

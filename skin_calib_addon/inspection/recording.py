@@ -25,6 +25,7 @@ from .columns import Columns, ColumnsError, match_columns
 # file can be a thousand times smaller than its arrays. Larger: accepts longer recordings.
 MAX_NUMBERS = 2**26
 CONTACT = ("number", "ids", "force", "area", "peak_pressure", "position", "normal", "wrench")  # Contract: of a frame
+SIGMAS = ("force_sigmas", "wrench_sigma", "cop_sigma", "zmp_sigma")  # Contract: of a frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,14 +140,14 @@ def _number(cell: str, path: Path, line: int, column: int) -> float:
         raise CalibrationFormatError(f"'{path}', line {line}, column {column}: {problem}") from problem
 
 
-def frame_document(frame: Frame) -> dict[str, Any]:
-    """Return a frame as JSON values in SI units.
+def frame_document(frame: Frame, checksum: str) -> dict[str, Any]:
+    """Return a frame as JSON values in SI units, with the checksum of its calibration.
 
     Contacts and wrench are in the link frame, polygons, CoP and ZMP in coordinates of the ground. Unknown values are
     null. Modalities are those with a reading.
     """
     given = {
-        name: {"unit": m.unit, "values": [_known(value) for value in m.values.tolist()]}
+        name: {"unit": m.unit, "values": _known_all(m.values)}
         for name, m in frame.modalities.items()
         if m.problem is None
     }
@@ -161,6 +162,9 @@ def frame_document(frame: Frame) -> dict[str, Any]:
         "reason": frame.reason,
         "polygon": _polygons(frame.polygon),
         **({"modalities": given} if given else {}),
+        "forces": [force if known else None for force, known in zip(frame.forces.tolist(), frame.known.tolist())],
+        **{name: _known_all(getattr(frame, name)) for name in SIGMAS},
+        "calibration": checksum,
     }
 
 
@@ -172,6 +176,10 @@ def _plain(value: Any) -> Any:
 def _polygons(polygon: SupportingPolygon) -> dict[str, Any]:
     parts: dict[str, Polygon] = {n: getattr(polygon, n) for n in ("outer", "nominal", "guaranteed")}
     return {name: part.corners.tolist() for name, part in parts.items()}
+
+
+def _known_all(numbers: Array | None) -> list[float | None] | None:
+    return None if numbers is None else [_known(number) for number in numbers.tolist()]
 
 
 def _known(number: float) -> float | None:

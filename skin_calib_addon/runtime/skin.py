@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -193,6 +193,13 @@ class Skin:
         """Rows (e, 2) of neighbours, the lower row first."""
         return self.geometry.pairs
 
+    @cached_property
+    def checksum(self) -> str:
+        """Checksum of the calibration, as in its file."""
+        from ..calibration.file import to_document
+
+        return str(to_document(self._calibration)["checksum"])
+
     @property
     def modalities(self) -> dict[str, str]:
         """Unit of each further modality that :meth:`update` takes, by its name."""
@@ -315,7 +322,7 @@ class Skin:
         """
         from .noise_file import save_noise
 
-        save_noise(path, self._checksum, self.link, self._readings.baseline, self.noise)
+        save_noise(path, self.checksum, self.link, self._readings.baseline, self.noise)
 
     def load_noise(self, path: str | Path) -> None:
         """Read what this skin learned at rest, as after a :meth:`tare`.
@@ -327,17 +334,10 @@ class Skin:
         """
         from .noise_file import load_noise
 
-        baseline, noise = load_noise(path, self._checksum, self._readings.responses.sign)
+        baseline, noise = load_noise(path, self.checksum, self._readings.responses.sign)
         self._readings.restore(baseline, noise)
         self._assumed.end()
         self._rest = None if self._has_thresholds or noise is not None else Rest()
-
-    @property
-    def _checksum(self) -> str:
-        """Checksum of the calibration, as in its file."""
-        from ..calibration.file import to_document
-
-        return str(to_document(self._calibration)["checksum"])
 
     def mask(self, ids: Iterable[str]) -> None:
         """Leave out these defective taxels from now on; an empty list masks none.

@@ -73,6 +73,30 @@ def test_replay_is_what_the_runtime_gives(calibration, tmp_path, capsys):
         assert frames_out["polygon"]["outer"] == frame.polygon.outer.corners.tolist()
         assert [c["number"] for c in frames_out["contacts"]] == [c.number for c in frame.contacts]
         assert [c["ids"] for c in frames_out["contacts"]] == [list(c.ids) for c in frame.contacts]
+        assert frames_out["forces"] == frame.forces.tolist() and frames_out["force_sigmas"] is None
+        assert frames_out["calibration"] == json.loads(calibration.read_text())["checksum"]
+
+
+def test_lines_have_the_deviations_of_the_runtime(calibration, tmp_path):
+    """With learned noise; what is not known is null."""
+    rng = np.random.default_rng(3)
+    time, rows = 0.004 * np.arange(60), rng.normal(0, 0.05, (60, N))
+    rows[50:] += 10.0
+    rows[55, 3] = np.nan
+    path, out = as_csv(tmp_path / "r.csv", time, rows), tmp_path / "out.jsonl"
+    assert main(["replay", str(calibration), str(path), "--tare", "40", "-o", str(out)]) == 0
+    skin = load(calibration)
+    skin.tare(rows[:40])
+    lines = [json.loads(line) for line in out.read_text().splitlines()]
+    frames = [skin.update(row, t) for t, row in zip(time, rows)]
+    for name in ("force_sigmas", "wrench_sigma", "cop_sigma", "zmp_sigma"):
+        for line, frame in zip(lines, frames, strict=True):
+            sigma = getattr(frame, name)
+            known = None if sigma is None else [x if np.isfinite(x) else None for x in sigma.tolist()]
+            assert line[name] == known
+        assert lines[52][name] is not None
+    assert lines[55]["forces"][3] is None and lines[55]["force_sigmas"][3] is None
+    assert lines[55]["forces"][4] == frames[55].forces[4] and lines[0]["cop_sigma"] is None
 
 
 def test_missing_numbers_are_flagged_not_refused(calibration, tmp_path, capsys):
