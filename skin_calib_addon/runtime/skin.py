@@ -227,6 +227,13 @@ class Skin:
         return self._readings.noise
 
     @property
+    def thresholds(self) -> Array:
+        """Force (n,) from which on each taxel counts as possibly touched [N]."""
+        if self._has_thresholds or self.noise is None:
+            return np.full(len(self.ids), self.switch_on)
+        return self.noise.detection_limits
+
+    @property
     def drift(self) -> Array:
         """Change of the readings (n,) without contact since the noise was learned. It is subtracted from readings."""
         offset = self._readings.drift.offset

@@ -48,6 +48,8 @@ def test_wheel_has_one_licence_and_types(tmp_path):
         names = wheel.namelist()
         assert {"skin_calib/__init__.py", "skin_calib/py.typed", "skin_calib_addon/py.typed"} <= {*names}
         assert "skin_calib_addon/runtime/noise_schema.json" in names
+        ours = "skin_calib_addon/messages/skin_calib_msgs"
+        assert {f"{ours}/package.xml", f"{ours}/CMakeLists.txt", f"{ours}/msg/SkinFrame.msg"} <= {*names}
         assert not [n for n in names if "blender" in n or n.startswith(("operators", "panels", "tests"))]
         assert not [n for n in names if n.endswith(".py") and b"GPL" in wheel.read(n)]
 
