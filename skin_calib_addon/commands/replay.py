@@ -1,14 +1,20 @@
 """``replay``: process recorded readings with the runtime."""
 
 import argparse
+import io
 import json
 from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
+from ..calibration.file import load_calibration
+from ..common.arrays import Array
 from ..common.atomic_file import write_bytes_safely
 from ..common.errors import CalibrationFormatError
 from ..inspection.recording import frame_document, read_modalities, read_recording
+from ..messages.mcap_file import McapSkin
 from ..runtime import Frame, Skin, load
 from ..runtime.modalities import FORCE
 from .common import DONE, check_outputs, complain, count, file_name, named_path, newtons, say
@@ -19,13 +25,20 @@ LONG_STEP = 1.0  # between frames, above which the time may be in other units, s
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=named_path, metavar="CALIBRATION", help="calibration file")
-    parser.add_argument("readings", type=named_path, metavar="READINGS", help="CSV or NPZ file with time and readings")
+    parser.add_argument("readings", type=named_path, metavar="READINGS", help="CSV, NPZ or MCAP file with readings")
     parser.add_argument(
         "-o",
         "--output",
         type=file_name,
         metavar="OUT",
-        help="contacts, CoP, ZMP and polygons as JSON, one line per frame",
+        help="contacts, CoP, ZMP and polygons of each frame",
+    )
+    parser.add_argument(
+        "--to",
+        choices=("jsonl", "mcap"),
+        default="jsonl",
+        help="format of OUT: JSON, one line per frame, or an MCAP file with messages of ROS 2, the readings, and the "
+        "calibration (default: jsonl)",
     )
     parser.add_argument("--picture", type=file_name, metavar="PNG", help="picture of contacts and polygons on the skin")
     parser.add_argument(
@@ -51,6 +64,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     check_outputs(options, options.file, options.readings, options.noise)
+    if options.to == "mcap" and not options.output:
+        options.refuse("--to mcap needs -o OUT, the file to write")
     if options.off is not None and options.on is None:
         options.refuse("--off needs --on: a contact that ends by a threshold begins by one")
     if options.off is not None and options.off > options.on:
@@ -68,11 +83,11 @@ def run(options: argparse.Namespace) -> int:
     rest = ""
     if options.tare:
         rest = rested(skin, [row for _, row in recorded[: options.tare]], options.readings, options.accept)
-    others = read_modalities(options.readings, skin.modalities)
-    frames = [
-        skin.update({FORCE: reading} | {name: rows[k] for name, rows in others.items()}, time)
-        for k, (time, reading) in enumerate(recorded)
+    others = read_modalities(options.readings, skin)
+    readings = [
+        {FORCE: reading} | {name: rows[k] for name, rows in others.items()} for k, (_, reading) in enumerate(recorded)
     ]
+    frames = [skin.update(reading, time) for reading, (time, _) in zip(readings, recorded)]
     if not frames:
         raise CalibrationFormatError(f"'{options.readings}' contains no frame. Check that it is the correct file.")
     if all(frame.problem for frame in frames):
@@ -82,10 +97,12 @@ def run(options: argparse.Namespace) -> int:
 
         draw_replay(skin, frames, options.picture)
     if options.output:
-        lines = [
-            json.dumps(frame_document(frame, skin.checksum), separators=(",", ":"), allow_nan=False) for frame in frames
-        ]
-        write_bytes_safely(options.output, ("\n".join(lines) + "\n").encode())
+        cycles = recording.cycles or range(len(frames))
+        is_mcap = options.to == "mcap"
+        data = _as_mcap(options.file, skin, readings, frames, cycles) if is_mcap else _as_lines(skin, frames)
+        write_bytes_safely(options.output, data)
+    for note in recording.notes:
+        complain(f"warning: {note}")
     if recording.has_more:
         complain(
             f"warning: the recording has more numbers than the skin needs ({recording.columns}). "
@@ -103,6 +120,23 @@ def run(options: argparse.Namespace) -> int:
         complain(f"warning: {flag} in {times} of {len(frames)} frames{pressed}")
     say(_summary(skin, frames, recording.columns, rest))
     return DONE
+
+
+def _as_lines(skin: Skin, frames: Sequence[Frame]) -> bytes:
+    """Return a line of JSON for each frame."""
+    documents = (frame_document(frame, skin.checksum) for frame in frames)
+    return "".join(json.dumps(d, separators=(",", ":"), allow_nan=False) + "\n" for d in documents).encode()
+
+
+def _as_mcap(
+    file: Path, skin: Skin, readings: Sequence[dict[str, Array]], frames: Sequence[Frame], cycles: Sequence[int]
+) -> bytes:
+    """Return readings and frames as the bytes of an MCAP file, with the calibration."""
+    stream = io.BytesIO()
+    with McapSkin(stream, load_calibration(file), skin, frames[0].time) as target:
+        for reading, frame, cycle in zip(readings, frames, cycles):
+            target.add(reading, frame, cycle)
+    return stream.getvalue()
 
 
 def _summary(skin: Skin, frames: list[Frame], columns: str, rest: str) -> str:

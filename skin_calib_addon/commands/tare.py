@@ -15,7 +15,7 @@ from .common import DONE, check_outputs, complain, file_name, named_path, say, s
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=named_path, metavar="CALIBRATION", help="calibration file")
-    parser.add_argument("readings", type=named_path, metavar="READINGS", help="CSV or NPZ file with time and readings")
+    parser.add_argument("readings", type=named_path, metavar="READINGS", help="CSV, NPZ or MCAP file with readings")
     parser.add_argument(
         "-o", "--output", type=file_name, metavar="NOISE", help="file for the runtime, NAME.noise.json by convention"
     )
@@ -46,6 +46,8 @@ def run(options: argparse.Namespace) -> int:
     start = frames[0][0]
     count = len(frames) if options.rest is None else sum(time - start < options.rest for time, _ in frames)
     rest = rested(skin, [reading for _, reading in frames[:count]], options.readings, options.accept)
+    for note in recording.notes:
+        complain(f"warning: {note}")
     lines = [f"link             {skin.link}, {len(skin.ids)} taxels", f"columns          {recording.columns}"]
     lines += [f"rest             {rest}", *_touches(skin, frames[count:])]
     if skin.noise is None:

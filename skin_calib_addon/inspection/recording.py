@@ -1,8 +1,8 @@
-"""Recorded readings of a controller, cycle by cycle, from a CSV or NPZ file."""
+"""Recorded readings of a controller, cycle by cycle, from a CSV, NPZ or MCAP file."""
 
 import math
 import zipfile
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from ..common.arrays import Array
-from ..common.errors import CalibrationFormatError
+from ..common.errors import CalibrationFormatError, counted, listed
 from ..common.strict_json import size_of
 from ..common.tables import TableError, naming_file, read_rows
 from ..common.text import NumberError, read_text, real
+from ..messages.mcap_file import RecordedReadings
 from ..runtime.footprint import SupportingPolygon
 from ..runtime.frame import Frame
 from ..runtime.polygon import Polygon
@@ -35,6 +36,8 @@ class Recording:
     frames: Iterator[tuple[float, Array]]
     columns: str  # which columns of the file are which channels
     has_more: bool = False  # whether the file has numbers without a name that the skin does not need
+    notes: tuple[str, ...] = ()  # what a person should know of the recording
+    cycles: Sequence[int] | None = None  # number of each frame; None: in their order
 
 
 def read_recording(path: str | Path, skin: Skin) -> Recording:
@@ -42,12 +45,36 @@ def read_recording(path: str | Path, skin: Skin) -> Recording:
     path = Path(path)
     if not skin.ids:
         raise CalibrationFormatError(f"{skin.link} has no taxels, so '{path}' cannot be replayed. Add a skin")
+    if path.suffix.lower() == ".mcap":
+        return _messages(path, skin)
     return _packed(path, skin.reading_length) if path.suffix.lower() == ".npz" else _table(path, skin)
 
 
-def read_modalities(path: str | Path, names: Collection[str]) -> dict[str, Array]:
+def _messages(path: Path, skin: Skin) -> Recording:
+    """Open an MCAP file."""
+    found = RecordedReadings(path, skin.link, MAX_NUMBERS)
+    notes = []
+    if found.is_cut:
+        notes.append(f"the file ends early, after {len(found.times)} readings: its recorder was interrupted")
+    if found.missing:
+        notes.append(f"{counted(found.missing, 'reading')} missing in the file, by the cycle numbers")
+    if found.restarts:
+        notes.append(f"the cycle numbers begin again {counted(found.restarts, 'time')}: the sender restarted")
+    if others := found.calibrations - {skin.checksum}:
+        named = listed(sorted(f"{checksum[:12]}..." for checksum in others))
+        notes.append(
+            f"recorded with another calibration ({named}). Check that its channels are the same: skin-calib diff"
+        )
+    text = f"messages of the link {skin.link}; numbers of a message are channels from 0 on"
+    return Recording(iter(zip(found.times, found.readings)), text, notes=tuple(notes), cycles=found.cycles)
+
+
+def read_modalities(path: str | Path, skin: Skin) -> dict[str, Array]:
     """Return the readings (t, channels) of the modalities that a recording has."""
-    path = Path(path)
+    path, names = Path(path), skin.modalities
+    if path.suffix.lower() == ".mcap" and names:
+        found = RecordedReadings(path, skin.link, MAX_NUMBERS)
+        return {name: rows for name in names if (rows := found.of(name)) is not None}
     if path.suffix.lower() != ".npz":
         return {}
     stored = _arrays(path, lambda there: ["time", *(name for name in names if name in there)])

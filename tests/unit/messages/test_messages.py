@@ -4,6 +4,7 @@ import dataclasses
 import math
 import re
 import struct
+from fractions import Fraction
 from types import SimpleNamespace
 
 import numpy as np
@@ -222,9 +223,11 @@ def test_readings_stay_whole_numbers(dtype):
 
 def test_times_keep_nine_decimals():
     """A stamp has nanoseconds; other times are refused."""
-    for time in (0.0, 0.004, -0.25, 12.000000001, 0.1 + 0.2, 86400.123456789, -1e-9):
+    for time in (0.0, 0.004, -0.25, 12.000000001, 0.1 + 0.2, 86400.123456789, -1e-9, 1.7e9 + 0.004):
         ns = nanoseconds(time)
-        assert abs(ns - time * 1e9) <= 0.5 and seconds({"sec": ns // 10**9, "nanosec": ns % 10**9}) == round(time, 9)
+        assert abs(ns - Fraction(time) * 10**9) <= 0.5 and seconds(
+            {"sec": ns // 10**9, "nanosec": ns % 10**9}
+        ) == round(time, 9)
     for time in (math.nan, math.inf, 2.0**31, 1.7e18):
         with pytest.raises(InvalidReading, match="give a finite time in seconds"):
             nanoseconds(time)
