@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from skin_calib_addon import __version__
 from skin_calib_addon.calibration import Modality, Response, ResponseTable
 from skin_calib_addon.common.errors import CalibrationFormatError, InvalidReading
 from skin_calib_addon.messages import (
@@ -250,6 +251,7 @@ def test_definitions_follow_the_rules():
     """Kinds of fields that older readers know, no keyword of IDL, all files in the build, a comment for each field."""
     assert {path.stem for path in FOLDER.glob("*")} == {*NAMES}
     build = (FOLDER.parent / "CMakeLists.txt").read_text()
+    assert f"<version>{__version__}</version>" in (FOLDER.parent / "package.xml").read_text()
     assert re.findall(r"msg/(\w+)\.msg", build) == sorted(NAMES)
     keywords = {"sequence", "switch", "default", "context", "home", "union", "local", "object", "port", "native", "any"}
     for name in NAMES:
