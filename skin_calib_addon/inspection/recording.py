@@ -55,7 +55,9 @@ def _messages(path: Path, skin: Skin) -> Recording:
     found = RecordedReadings(path, skin.link, MAX_NUMBERS)
     notes = []
     if found.is_cut:
-        notes.append(f"the file ends early, after {len(found.times)} readings: its recorder was interrupted")
+        notes.append(
+            f"the file ends early, after {len(found.times)} readings: its recorder was interrupted, or it is damaged"
+        )
     if found.missing:
         notes.append(f"{counted(found.missing, 'reading')} missing in the file, by the cycle numbers")
     if found.restarts:

@@ -22,8 +22,8 @@ from .cdr import decode, encode
 from .content import frame_message, layout_message, nanoseconds, reading_message, reading_of
 from .definitions import PACKAGE, fields_in, fields_of, schema_text
 
-# [bytes] of a chunk. Larger: smaller files, and more memory of readers that look for one time.
-CHUNK_SIZE = 4 * 2**20
+# [bytes] of a chunk. Larger: smaller files, but a recorder that is killed loses more readings.
+CHUNK_SIZE = 2**20
 # [bytes] Limit of a chunk that is read, compressed or not. It protects the memory. Larger: accepts larger chunks.
 MAX_CHUNK_SIZE = 2**29
 FOREVER = "{sec: 9223372036, nsec: 854775807}"  # Derived: RMW_DURATION_INFINITE
@@ -145,6 +145,10 @@ class RecordedReadings:
             self.cycles.append(message["cycle"])
             self.readings.append(reading)
             self.calibrations.update({message["calibration"]} - {""})
+        if not self.readings and self.is_cut:
+            raise CalibrationFormatError(
+                f"'{path}' ends early, before the first reading of {show(link)}. Record it again"
+            )
         if not self.readings:
             what = f"only of {listed(sorted(map(show, links)))}" if links else "and none of another link"
             raise CalibrationFormatError(
