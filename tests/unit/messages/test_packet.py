@@ -83,7 +83,7 @@ def test_truncated_packet_is_counted_and_the_next_one_found(cut):
 
 
 def test_lost_repeated_and_late_packets_are_counted():
-    """Cycles tell which are missing; those that come again or too late are not returned."""
+    """Cycles show which are missing; those that come again or too late are not returned."""
     rows, packets = stream(range(10))
     order = (0, 1, 1, 4, 3, 5, 5, 9)
     decoder = Decoder()
