@@ -10,15 +10,16 @@ from ..pipeline import calibrate
 from ..pipeline.refine import refine
 from ..pipeline.touch_distance import check_touches
 from ..plan import FORMAT, load_plan, named_from, save_plan
-from ..validation import Placement, placements, read_touches, summarize
+from ..validation import Placement, directions_of, placements, read_touches, summarize
 from .common import DONE, check_outputs, file_name, named_path, say, say_unused, warn
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "TOUCHES is a CSV file. Each row has the taxel (or channel) with the largest reading, and the "
-        "position x, y, z of the probe [m] or the wrench fx, fy, fz, tx, ty, tz of a force-torque sensor [N, N m], in "
-        "the link frame."
+        "TOUCHES is a CSV file. Each row has the taxel (or channel) with the largest reading, or the readings of all "
+        "taxels in columns with their ids, and the position x, y, z of the probe [m] or the wrench fx, fy, fz, tx, ty, "
+        "tz of a force-torque sensor [N, N m], in the link frame. The columns time [s] or press state which rows are "
+        "one press."
     )
     parser.add_argument("file", type=named_path, metavar="FILE", help="calibration or plan")
     parser.add_argument("touches", type=named_path, metavar="TOUCHES", help="CSV file of measured touches")
@@ -44,12 +45,17 @@ def run(options: argparse.Namespace) -> int:
     touches = read_touches(options.touches, calibration)
     check_touches(calibration, touches)
     found = placements(calibration, touches)
+    directions, _ = directions_of(calibration, touches)
     say(f"link             {calibration.link}, {calibration.taxel_count} taxels")
-    say(f"touches          {len(touches.taxels)}, of {len(set(touches.taxels))} taxels")
+    rows = f" in {touches.rows} rows" if touches.rows != len(touches.taxels) else ""
+    say(f"touches          {len(touches.taxels)}{rows}, of {len(set(touches.taxels))} taxels")
     say_unused(touches.unused)
+    if directions:
+        say(f"forces           {directions.summary()}")
     _report(found)
     of_fit = result.warnings if result else ()
-    warn((*of_fit, *(warning for placement in found for warning in placement.warnings())))
+    of_forces = directions.warnings() if directions else ()
+    warn((*of_fit, *of_forces, *(warning for placement in found for warning in placement.warnings())))
     if options.refine and plan and result:
         refined = refine(plan, result, touches)
         found = refined.placements

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..common.errors import SkinCalibError
-from ..validation.placement import Placement, flat_places
+from ..validation.flat import flat_places
+from ..validation.placement import Placement
 from .calibration import blank, save_png
 
 FIGURE_WIDTH = 12.0  # [inches]

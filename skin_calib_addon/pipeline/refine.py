@@ -1,6 +1,6 @@
 """Refine the poses of the skins of a plan with measured touches."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,13 +9,15 @@ from scipy.spatial.transform import Rotation
 
 from ..calibration.model import LinkCalibration, Patch
 from ..common.arrays import Array
-from ..common.errors import InvalidPlan
+from ..common.errors import InvalidPlan, listed
 from ..geometry.blas_threads import one_blas_thread
 from ..plan import Plan
 from ..plan.skins import BoardSkin, ImportedSkin, Mounting, SheetSkin, Skin
 from ..skin.sheet.landmarks import Landmark
 from ..skin.uncertainty import MAX_DIRECTION_UNCERTAINTY, MIN_ORIGIN_UNCERTAINTY
-from ..validation.placement import Motion, Placement, flat_places, link_point, placements
+from ..validation.flat import flat_places, link_point
+from ..validation.placement import MAX_UNEXPLAINED, MIN_TOUCHES, Placement, placements
+from ..validation.registration import Motion, rigid_motion
 from ..validation.touches import Touches
 from .calibrate import OUTDATED_PROPOSAL, Calibrated, warnings_of
 from .place_skins import PlacedSkin, place_all
@@ -39,56 +41,97 @@ class Refined:
 def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
     """Move each touched skin along the surface until the touches agree with it.
 
-    Each step applies the rigid motion of a skin in its developed plane that fits its touches best. It changes origin
-    and direction of the skin, or its landmarks. Boards keep their cells.
+    The touches give a rigid motion of the developed skin. Each step changes origin and direction of the skin, or its
+    landmarks, until its cells have moved by this motion as seen from the touches. Boards keep their cells. A skin
+    without a significant motion stays.
     """
     check_touches(result.calibration, touches)
-    placed, found = result.placed, placements(result.calibration, touches)
-    for placement in found:
-        order, is_certain = placement.other_order
-        if is_certain:
-            raise InvalidPlan(
-                f"the touches of skin {placement.patch.name!r} fit another order of its channels: {order}. "
-                "Correct the channels first."
-            )
-    skins = plan.skins
+    placed, skins, first = result.placed, plan.skins, placements(result.calibration, touches)
+    for placement in first:
+        _check_order(placement)
+    of_touches = {placement.patch.name: _motion(placement) for placement in first}
+    found, left = first, {name: motion for name, motion in of_touches.items() if motion.is_certain}
+    back = {name: -motion.about_origin for name, motion in left.items()}  # to the plan
     of_the_plan = tuple(warning for warning in result.warnings if warning == OUTDATED_PROPOSAL)
     for _ in range(MAX_REFINE_STEPS):
-        motions = {placement.patch.name: _motion(placement) for placement in found}
         skins = tuple(
-            moved(skin, done.patch, motions[skin.name]) if skin.name in motions else skin
-            for skin, done in zip(skins, placed)
+            moved(skin, done.patch, left[skin.name]) if skin.name in left else skin for skin, done in zip(skins, placed)
         )
-        placed = place_all(replace(plan, skins=skins), result.fits)
-        calibration = replace(
-            result.calibration,
-            patches=tuple(done.patch for done in placed),
-            warnings=(*of_the_plan, *warnings_of(result.fits, placed)),
-        )
-        found = placements(calibration, touches)
-        if all(_largest(placement) < REFINE_TOLERANCE for placement in found):
-            plan, result = replace(plan, skins=skins), replace(result, calibration=calibration)
-            return _with_registration(plan, result, placed, found)
-    worst = max(found, key=_largest)
+        if left:
+            placed = place_all(replace(plan, skins=skins), result.fits)
+            warnings = (*of_the_plan, *warnings_of(result.fits, placed))
+            result = replace(result, calibration=replace(result.calibration, warnings=warnings))
+            found = placements(_calibration(result, placed), touches, back)
+        pairs = [(a, b) for a, b in zip(first, found) if a.patch.name in left]
+        left = {a.patch.name: _remaining(a, b, of_touches[a.patch.name]) for a, b in pairs}
+        largest = {a.patch.name: float(np.linalg.norm(left[a.patch.name].at(a.flat), axis=1).max()) for a, _ in pairs}
+        if all(length < REFINE_TOLERANCE for length in largest.values()):
+            plan, result = replace(plan, skins=skins), replace(result, calibration=_calibration(result, placed))
+            return _with_registration(plan, result, placed, found, of_touches)
+    worst = max(largest, key=lambda name: largest[name])
     raise InvalidPlan(
-        f"the refinement of skin {worst.patch.name!r} did not converge in {MAX_REFINE_STEPS} steps: "
-        f"the last step was {_largest(worst) * 1e3:.2f} mm. Check the touches."
+        f"the refinement of skin {worst!r} did not converge in {MAX_REFINE_STEPS} steps: "
+        f"the last step was {largest[worst] * 1e3:.2f} mm. Check the touches."
     )
 
 
-def _with_registration(plan: Plan, result: Calibrated, placed: Sequence[PlacedSkin], found: list[Placement]) -> Refined:
+def _remaining(before: Placement, after: Placement, motion: Motion) -> Motion:
+    """Return the motion that is left, as the offsets of the touches show it."""
+    both = np.isin(before.lines, after.lines) & ~before.unexplained
+    wanted = before.offsets[both, :2] - motion.at(before.flat[both])
+    now = after.offsets[np.isin(after.lines, before.lines[both]), :2]
+    vector = rigid_motion(before.flat[both], now - wanted)
+    return replace(motion, middle=np.zeros(2), shift=vector[:2], turn=float(vector[2]))
+
+
+def _calibration(result: Calibrated, placed: Sequence[PlacedSkin]) -> LinkCalibration:
+    """Return the calibration with these skins."""
+    return replace(result.calibration, patches=tuple(done.patch for done in placed))
+
+
+def _check_order(placement: Placement) -> None:
+    """Check that the planned order of the channels explains the touches of a skin."""
+    name, wiring, count = placement.patch.name, placement.wiring, len(placement.rows)
+    if count < MIN_TOUCHES:
+        return
+    unexplained = max(int(placement.unexplained.sum()), round((1 - wiring.explained) * count))
+    if unexplained > MAX_UNEXPLAINED * count and not (wiring.order.words and wiring.explained > 1 - MAX_UNEXPLAINED):
+        raise InvalidPlan(
+            f"{unexplained} of {count} touches of skin {name!r} fit neither its taxels nor another known order of its "
+            "channels. Check the channels and the frame of the touches."
+        )
+    if wiring.is_certain and wiring.order.words:
+        raise InvalidPlan(
+            f"the touches of skin {name!r} fit another order of its channels: {wiring.order.words}. "
+            "Correct the channels first."
+        )
+    if not wiring.is_certain:
+        names = [order.words or "the planned order" for order in (wiring.order, *wiring.rivals)]
+        raise InvalidPlan(
+            f"the touches of skin {name!r} fit several orders of its channels: {listed(names)}. "
+            "Touch both ends of its rows and columns."
+        )
+
+
+def _with_registration(
+    plan: Plan,
+    result: Calibrated,
+    placed: Sequence[PlacedSkin],
+    found: list[Placement],
+    motions: Mapping[str, Motion],
+) -> Refined:
     """State the standard errors of the touches in the plan, and in the calibration with the uncertainties from them.
 
     Position and rotation are uncertain independently of each other at the mean position of the touches.
     """
-    motions = {placement.patch.name: _motion(placement) for placement in found}
     skins, patches = [], []
     for skin, done in zip(plan.skins, placed):
         patch = done.patch
         if skin.name in motions:
             motion = motions[skin.name]
-            origin = max(float(motion.shift_error.max()), MIN_ORIGIN_UNCERTAINTY)
-            direction = min(motion.turn_error, MAX_DIRECTION_UNCERTAINTY)
+            rest = motion if motion.is_certain else motion.left_out  # a skin without a significant motion stays
+            origin = max(float(rest.shift_error.max()), MIN_ORIGIN_UNCERTAINTY)
+            direction = min(rest.turn_error, MAX_DIRECTION_UNCERTAINTY)
             if not np.isfinite(motion.turn_error):  # the touches do not rotate the skin
                 direction = registration_of(skin, patch, done.sheet).direction
             anchor = _triple(link_point(patch, motion.middle))
@@ -106,11 +149,6 @@ def _motion(placement: Placement) -> Motion:
     if placement.patch.kind == "imported":
         raise InvalidPlan(f"skin {name!r} is imported: touches cannot move it. Change its file or its frame.")
     raise InvalidPlan(f"skin {name!r} has {count} touches, which are too few for its pose. Measure more touches.")
-
-
-def _largest(placement: Placement) -> float:
-    """Return the largest motion of a touched cell [m]."""
-    return float(np.linalg.norm(_motion(placement).at(placement.flat), axis=1).max())
 
 
 def moved(skin: Skin, patch: Patch, motion: Motion) -> Skin:

@@ -27,7 +27,7 @@ from ..skin.uncertainty import (
     usual_curvature,
 )
 from ..skin.warnings import cells_warning
-from ..validation.placement import flat_places, flat_point, link_point
+from ..validation.flat import flat_places, flat_point, link_point
 
 # [1] difference to the normal of the surface from which on a board of the file gives the normal. Larger: boards that
 # are nearly parallel to the surface count as a part of it, with larger uncertainties.

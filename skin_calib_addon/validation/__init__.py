@@ -1,7 +1,9 @@
 """Comparison of calibrations with touches measured on the robot."""
 
-from .placement import Motion, Placement, placements
+from .directions import Directions, directions_of
+from .placement import Placement, placements
+from .registration import Motion
 from .summary import summarize
 from .touches import Touches, read_touches
 
-__all__ = ["Motion", "Placement", "Touches", "placements", "read_touches", "summarize"]
+__all__ = ["Directions", "Motion", "Placement", "Touches", "directions_of", "placements", "read_touches", "summarize"]

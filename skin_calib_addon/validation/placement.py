@@ -4,70 +4,42 @@ The position of a touch can be anywhere in the cell of the taxel that felt it. A
 therefore no error, but a mean over many touches is.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
+from types import MappingProxyType
 
 import numpy as np
 
 from ..calibration.model import LinkCalibration, Patch
-from ..common.arrays import Array, IntArray
+from ..common.arrays import Array, BoolArray, IntArray
 from ..common.errors import MAX_NAMED
 from ..common.warnings import Place, Warning
-from .touches import Touches
+from .directions import directions_of
+from .flat import flat_places, seen_from
+from .registration import Evidence, Motion, Posterior, motion_of, novelty, posterior, rigid_motion
+from .touches import Touches, lines_of_action
+from .wiring import FAR, Wiring, judge
 
-# Distance with weight one half in the robust fit, in units of the expected rms. Larger: outliers have more influence.
-ROBUST_SCALE = 2.0
-# Iterations of the weights. Larger: more exact.
-REWEIGHTING_STEPS = 30
 # Smallest number of touches for a motion. Larger: no motion for fewer touches.
 MIN_TOUCHES = 4
-# Smallest sine of the angle between a line of action and the skin. Larger: leaves out more touches.
-MIN_INCIDENCE_SINE = 0.17
-# Standard errors from which on a motion is significant. Larger: fewer significant motions.
-MIN_SIGNIFICANCE = 2.0
 # A touch farther off than this multiple of the usual distance is an outlier, ...
 OUTLIER_FACTOR = 3.0
 # ... if it is farther off than this number of cells, too. Larger: fewer outliers.
 OUTLIER_CELLS = 1.5
-# [1] Misfit of a touch that is nowhere near the taxel that felt it, as a logarithm of odds. Larger: fewer touches
-# decide which order of the channels is right.
-MAX_MISFIT = 6.0
-# [1] Another order of the channels is right if it reduces the misfit by this much. Larger: needs more touches.
-ORDER_GAIN = 8.0
-# [1] Fraction of the touches that it must explain. Larger: fewer orders of files with many wrong channels are named.
-MIN_EXPLAINED = 2 / 3
-# [m, rad] Usual displacement and rotation of a glued skin. Larger: a displacement of a cell is a lesser reason to
-# assume another order.
-USUAL_SHIFT, USUAL_TURN = 5e-3, np.deg2rad(5.0)
+# [1] Fraction of the touches that may be unexplained. Larger: states motions for more wrong channels.
+MAX_UNEXPLAINED = 0.3
+# [fraction of the strongest reading] of a taxel that felt a touch. Larger: fewer centroids. Smaller: noise moves them.
+MIN_READING = 0.05
+# [pitch] Distance from the strongest taxel within which others felt the same touch: the eight or six cells around it.
+NEAR_CELLS = 1.6
+# [1] Logarithm of the probability that random touches are as regular within their cells, from which on a warning is
+# given. Larger: fewer warnings.
+MIN_REGULARITY = 7.0
+OFFSET_STEP = 1e-3  # [N] of a derivative. Larger: less exact.
 # Median height of touches above or below the taxels from which on a warning is given [m]: half of the distance at which
 # a single touch is an error. Larger: fewer warnings.
 HEIGHT_LIMIT = 2.5e-3
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """Translation of a skin on its surface, and rotation about the mean position of its touches."""
-
-    middle: Array  # (2,) mean flat position of the touched cells, along and across the rows [m]
-    shift: Array  # (2,) along and across the rows [m]
-    turn: float  # counter-clockwise seen from outside [rad]
-    shift_error: Array  # (2,) standard errors [m]
-    turn_error: float  # standard error [rad]; infinite if the touches are too near to each other
-
-    @property
-    def is_certain(self) -> bool:
-        """Whether the motion is significant."""
-        return (
-            bool((np.abs(self.shift) > MIN_SIGNIFICANCE * self.shift_error).any())
-            or abs(self.turn) > MIN_SIGNIFICANCE * self.turn_error
-        )
-
-    def at(self, flat: Array) -> Array:
-        """Return the displacement of flat positions (k, 2) along and across the rows, shape (k, 2) [m]."""
-        arm = flat - self.middle
-        return self.shift + self.turn * np.stack((-arm[:, 1], arm[:, 0]), axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +53,10 @@ class Placement:
     offsets: Array  # (m, 3) from the taxel to the touch: along the row, across it, outward (NaN for a wrench) [m]
     directions: Array  # (m, 3) of the wrenches; zero for points
     grazing: IntArray  # lines of the file whose line of action is nearly parallel to the skin; they are left out
+    readings: Array  # (m, n) of the taxels of the patch; empty without
+    planned: Array  # (3,) motion that returns the patch to where the plan had it: along, across [m], rotation [rad]
+    slopes: Array  # (m, 2, 3) of the offsets with an offset of the force sensor, along and across [m/N]
+    offset_covariance: Array  # (3, 3) of this offset [N^2]; zero if nothing is corrected
 
     @cached_property
     def distances(self) -> Array:
@@ -106,24 +82,47 @@ class Placement:
         return flat_places(self.patch, self.patch.taxels.index[self.rows])
 
     @cached_property
-    def motion(self) -> Motion | None:
-        """Motion of the skin that explains the touches; None for imported taxels, and for too few touches.
+    def evidence(self) -> Evidence:
+        """What the touches report of the position of the skin."""
+        size = float(np.sqrt(self.patch.taxels.areas.mean()))
+        offsets = np.where(self._is_there[:, None], self.offsets[:, :2], FAR)
+        cells = Evidence.of_cells(self.patch, self.rows, offsets, self.planned, novelty(offsets, size))
+        axes, centroids, borders = _felt_by_several(self.patch, self.rows, self.readings)
+        return replace(cells, axes=axes, centroids=centroids, borders=borders)
 
-        A robust least-squares fit of shift s and rotation r explains the distances d along the skin:
+    @cached_property
+    def _is_there(self) -> BoolArray:
+        """Whether height and direction of each touch (m,) allow that its taxel felt it."""
+        height = self.offsets[:, 2] - (np.median(self.heights) if len(self.heights) else 0.0)
+        side = np.sign((self.directions * self.patch.taxels.normals_link[self.rows]).sum(axis=1))
+        return ~(np.abs(height) > max(self.patch.pitch)) & (side * np.sign(side.sum()) >= 0)
 
-            d_i = s + r * (-y_i, x_i)    [m]
-
-        with the flat positions (x, y) relative to their mean [m]. Distant touches have a small weight.
-        """
+    @cached_property
+    def posterior(self) -> Posterior | None:
+        """Distribution of the motions that explain the touches; None for imported taxels, and for too few touches."""
         if self.patch.kind == "imported" or len(self.rows) < MIN_TOUCHES:
             return None
-        middle = self.flat.mean(axis=0)
-        x, y = (self.flat - middle).T
-        turns = bool(np.hypot(x, y).max() > self.expected_rms)  # otherwise all touches are in one cell
-        design = np.stack((np.column_stack((x * 0 + 1, x * 0, -y)), np.column_stack((x * 0, x * 0 + 1, x))), axis=1)
-        found, errors = _robust(design[..., : 3 if turns else 2], self.offsets[:, :2], ROBUST_SCALE * self.expected_rms)
-        turn, turn_error = (float(found[2]), float(errors[2])) if turns else (0.0, np.inf)
-        return Motion(middle, found[:2], turn, errors[:2], turn_error)
+        found = posterior(self.evidence)
+        moves = rigid_motion(self.flat, self.slopes)  # by an offset of the force sensor
+        return replace(found, covariance=found.covariance + moves @ self.offset_covariance @ moves.T)
+
+    @cached_property
+    def motion(self) -> Motion | None:
+        """Motion of the skin that explains the touches."""
+        return None if self.posterior is None else motion_of(self.posterior, self.flat.mean(axis=0))
+
+    @cached_property
+    def regularity(self) -> float:
+        """Logarithm of the probability that random touches are as near to one position in their cells [1].
+
+        The mean of m unit vectors whose angles are the positions in units of the cell has a length of at least r with
+        the probability exp(-m r^2) (Rayleigh). The largest of both axes counts.
+        """
+        if len(self.rows) == 0:
+            return 0.0
+        size = np.ptp(self.patch.taxels.flat_corners[self.rows], axis=1)
+        phases = np.exp(2j * np.pi * self.offsets[:, :2] / size)
+        return float((np.abs(phases.mean(axis=0)) ** 2 * len(phases)).max())
 
     @cached_property
     def residuals(self) -> Array:
@@ -135,14 +134,9 @@ class Placement:
     def warnings(self) -> Iterator[Warning]:
         """Yield warnings for the author: order of channels, grazing touches, wrong taxels, height."""
         name, place = self.patch.name, Place(skin=self.patch.name)
-        order, is_certain = self.other_order
-        if order and is_certain:
-            message = f"The touches of {name} fit another order of its channels: {order}."
-            yield Warning("channel-order", "warning", message, place, advice="Check the order of the channels.")
+        yield from self._about_the_order()
+        if len(self.rows) >= MIN_TOUCHES and self.wiring.order.words:
             return
-        if order:
-            message = f"The displacement of {name} may be another order of its channels: {order}."
-            yield Warning("channel-order", "warning", message, place, advice="Touch both ends of its rows and columns.")
         if len(self.grazing):
             lines = [f"line {line}" for line in self.grazing.tolist()]
             message = f"Touches of {name} with a force nearly parallel to the skin are left out: {_listed(lines)}."
@@ -158,6 +152,16 @@ class Placement:
                 float(len(which)),
                 "Check the channels of these taxels.",
             )
+        if self.patch.kind != "imported" and self.regularity > MIN_REGULARITY:
+            message = f"Most touches of {name} are at the same position in their cells, as those of a raster are."
+            yield Warning(
+                "raster-touches",
+                "warning",
+                message,
+                place,
+                self.regularity,
+                "Touch random positions: the displacement is then several times more exact.",
+            )
         if len(self.heights) and abs(height := float(np.median(self.heights))) > HEIGHT_LIMIT:
             side = "above" if height > 0 else "below"
             yield Warning(
@@ -169,6 +173,26 @@ class Placement:
                 "Check that they are given in the link frame.",
             )
 
+    def _about_the_order(self) -> Iterator[Warning]:
+        """Yield warnings about the order of the channels."""
+        if len(self.rows) < MIN_TOUCHES:
+            return
+        name, place, wiring = self.patch.name, Place(skin=self.patch.name), self.wiring
+        first, *others = [order.words or "the planned order" for order in (wiring.order, *wiring.rivals)]
+        others += [wiring.order.motion] if wiring.order.motion else []
+        if 1 - wiring.explained > MAX_UNEXPLAINED:
+            count = round((1 - wiring.explained) * len(self.rows))
+            message = f"{count} of {len(self.rows)} touches of {name} fit neither its taxels nor another known order."
+            advice = "Check the channels, and the frame of the touches."
+            yield Warning("unexplained-touches", "warning", message, place, float(count), advice)
+        elif not wiring.is_certain:
+            message = f"The touches of {name} fit several orders of its channels: {first}; or {_listed(others)}."
+            advice = "Touch both ends of its rows and columns."
+            yield Warning("channel-order", "warning", message, place, wiring.odds, advice)
+        elif wiring.order.words:
+            message = f"The touches of {name} fit another order of its channels: {first} (odds {_odds(wiring.odds)})."
+            yield Warning("channel-order", "warning", message, place, wiring.odds, "Correct the order of the channels.")
+
     @cached_property
     def _far(self) -> Array:
         """Distance (m,) of each touch that neither the motion nor a common height explains [m]."""
@@ -176,41 +200,20 @@ class Placement:
         return np.hypot(self.residuals, np.nan_to_num(height))
 
     @cached_property
-    def misfit(self) -> Array:
-        """Misfit (m,) of each touch after the motion: 0 in the cell, at most `MAX_MISFIT`.
-
-        It is the square of the distance in standard deviations of a place in the cell, less that of a corner. A wrench
-        whose direction differs from that of most others, inward or outward, belongs to another side of the link.
-        """
-        misfit = np.clip((self._far / self.expected_rms) ** 2 - 3.0, 0.0, MAX_MISFIT)
-        pull = np.sign((self.directions * self.patch.taxels.normals_link[self.rows]).sum(axis=1))
-        return np.where(pull * np.sign(pull.sum()) < 0, MAX_MISFIT, misfit)
+    def wiring(self) -> Wiring:
+        """The order of the channels that explains the touches best."""
+        return judge(self.patch, self.rows, self.places, self.directions, self.planned)
 
     @cached_property
-    def other_order(self) -> tuple[str, bool]:
-        """Description of an order of the channels that explains the touches, and whether it is certain.
+    def unexplained(self) -> BoolArray:
+        """Touches (m,) that the motion of the skin does not explain in the planned order."""
+        motion = np.zeros(3) if self.posterior is None else self.posterior.mean
+        return self.evidence.explained(motion) < 0.5
 
-        It is empty if no other order does. If it is not certain, a displacement of a cell explains them as well. Each
-        order is judged with the motion that fits it best.
-        """
-        if len(self.rows) < MIN_TOUCHES:
-            return "", False
-        given, best, description, similar = _cost(self, 0), np.inf, "", ""
-        is_far = self.motion is not None and np.linalg.norm(self.motion.shift) > min(self.patch.pitch) / 2
-        for words, rows, is_shift in other_orders(self.patch, self.rows):
-            if (rows == self.rows).all() or not (is_far or given > ORDER_GAIN):
-                continue
-            found = rows >= 0
-            other = _placement(self.patch, self.lines[found], rows[found], self.places[found], self.directions[found])
-            left_out = len(rows) - len(other.rows)
-            cost = _cost(other, left_out)
-            if (other.misfit < MAX_MISFIT).sum() < MIN_EXPLAINED * len(rows):
-                continue
-            if cost < min(best, given - ORDER_GAIN):
-                best, description = cost, words
-            if is_far and is_shift and not similar and cost < given + ORDER_GAIN and _shift(other) < _shift(self):
-                similar = words
-        return (description, True) if description else (similar, False)
+    @property
+    def is_explained(self) -> bool:
+        """Whether the planned order explains most touches, so that the motion says something."""
+        return bool(self.unexplained.sum() <= MAX_UNEXPLAINED * len(self.rows)) and not self.wiring.order.words
 
     @cached_property
     def outliers(self) -> IntArray:
@@ -232,151 +235,97 @@ class Placement:
         return f"{text} ({taxels.ids[int(directions.argmin())]} is there)"
 
 
-def placements(calibration: LinkCalibration, touches: Touches) -> list[Placement]:
-    """Return the touches of each touched patch, compared with its taxels; taxels without a patch are left out."""
+def placements(
+    calibration: LinkCalibration, touches: Touches, planned: Mapping[str, Array] = MappingProxyType({})
+) -> list[Placement]:
+    """Return the touches of each touched patch, compared with its taxels; taxels without a patch are left out.
+
+    ``planned`` has the motions (3,) that return patches to where the plan had them, by their names.
+    """
+    directions, touches = directions_of(calibration, touches)
+    covariance = directions.offset_covariance if directions and directions.is_of_sensor else np.zeros((3, 3))
     found = []
     for patch in calibration.patches:
         row_of = {name: row for row, name in enumerate(patch.taxels.ids)}
         mine = [i for i, name in enumerate(touches.taxels) if name in row_of]
-        if mine:
-            rows = np.array([row_of[touches.taxels[i]] for i in mine])
-            found.append(_placement(patch, touches.lines[mine], rows, touches.points[mine], touches.directions[mine]))
+        if not mine:
+            continue
+        rows = np.array([row_of[touches.taxels[i]] for i in mine])
+        column = {name: k for k, name in enumerate(touches.felt)}
+        has_readings = patch.taxels.ids[0] in column
+        readings = touches.readings[np.ix_(mine, [column[name] for name in patch.taxels.ids])] if has_readings else None
+        felt = np.empty((len(mine), 0)) if readings is None else readings
+        wrenches = touches.wrenches[mine] if len(touches.wrenches) else np.zeros((len(mine), 6))
+        parts = (touches.lines[mine], rows, touches.points[mine], touches.directions[mine], wrenches, felt)
+        found.append(_placement(patch, *parts, planned.get(patch.name, np.zeros(3)), covariance))
     return found
 
 
-def _placement(patch: Patch, lines: IntArray, rows: IntArray, points: Array, directions: Array) -> Placement:
-    """Compare touches (m, 3) of a patch with their taxels; a line of action is intersected with the tangent plane."""
-    centres, normals = patch.taxels.positions_link[rows], patch.taxels.normals_link[rows]
-    is_line, slope = directions.any(axis=1), (directions * normals).sum(axis=1)
-    known = ~is_line | (np.abs(slope) >= MIN_INCIDENCE_SINE)
-    height = ((points - centres) * normals).sum(axis=1)
-    places = points - (height / np.where(is_line & known, slope, np.inf))[:, None] * directions
-    axes = np.concatenate((patch.taxels.axes_link[rows], normals[:, None]), axis=1)
-    offsets = (axes @ (places - centres)[:, :, None])[:, :, 0]
-    offsets[is_line, 2] = np.nan
-    return Placement(patch, lines[known], rows[known], places[known], offsets[known], directions[known], lines[~known])
+def _placement(
+    patch: Patch,
+    lines: IntArray,
+    rows: IntArray,
+    points: Array,
+    directions: Array,
+    wrenches: Array,
+    readings: Array,
+    planned: Array,
+    offset_covariance: Array,
+) -> Placement:
+    """Compare touches (m, 3) of a patch with their taxels."""
+    offsets, known = seen_from(patch, rows, points, directions)
+    places = patch.taxels.positions_link[rows] + np.einsum("mk,mkc->mc", offsets[:, :2], patch.taxels.axes_link[rows])
+    places += np.nan_to_num(offsets[:, 2:]) * patch.taxels.normals_link[rows]
+    slopes = np.zeros((len(rows), 2, 3))
+    if offset_covariance.any():
+        for k, step in enumerate(OFFSET_STEP * np.eye(6)[:3]):
+            other, along = lines_of_action(wrenches - step)
+            is_line = directions.any(axis=1)[:, None]
+            moved, _ = seen_from(patch, rows, np.where(is_line, other, points), np.where(is_line, along, 0.0))
+            slopes[:, :, k] = (moved - offsets)[:, :2] / OFFSET_STEP
+    return Placement(
+        patch=patch,
+        lines=lines[known],
+        rows=rows[known],
+        places=places[known],
+        offsets=offsets[known],
+        directions=directions[known],
+        grazing=lines[~known],
+        readings=readings[known],
+        planned=planned,
+        slopes=slopes[known],
+        offset_covariance=offset_covariance,
+    )
 
 
-def _robust(design: Array, offsets: Array, far: float) -> tuple[Array, Array]:
-    r"""Solve ``offsets (m, 2) = design (m, 2, k) @ parameters`` robustly for parameters (k,) and standard errors.
-
-    Iteratively reweighted least squares with Cauchy's weights, from the medians. With the residuals :math:`r` [m]:
-
-    .. math::
-
-        w_i = \frac{1}{1 + \lVert \mathbf{r}_i \rVert^2 / f^2}, \qquad
-        \boldsymbol{\psi}_i = w_i\, \mathbf{r}_i
-
-    The weights depend on the residuals, so the errors of a weighted least squares are too small (by 17 % for touches
-    anywhere in their cells). The covariance of an M-estimate has the slope of :math:`\boldsymbol{\psi}` (Huber, 1981,
-    eq. 7.6.6):
-
-    .. math::
-
-        C = \frac{\sum \lVert \boldsymbol{\psi}_i \rVert^2 / (2 m - k)}{\bigl( \frac{1}{2 m} \sum
-        \operatorname{tr} \partial \boldsymbol{\psi}_i / \partial \mathbf{r}_i \bigr)^2}\, (A^T A)^{-1} , \qquad
-        \operatorname{tr} \frac{\partial \boldsymbol{\psi}_i}{\partial \mathbf{r}_i} = 2 w_i^2
-    """
-    found = np.zeros(design.shape[2])
-    found[:2] = np.median(offsets, axis=0)
-    for _ in range(REWEIGHTING_STEPS):
-        weights = 1 / (1 + ((offsets - design @ found) ** 2).sum(axis=1) / far**2)
-        normal = np.einsum("mik,m,mil->kl", design, weights, design)
-        found = np.linalg.solve(normal, np.einsum("mik,m,mi->k", design, weights, offsets))
-    squares = ((offsets - design @ found) ** 2).sum(axis=1)
-    weights = 1 / (1 + squares / far**2)
-    spread = (weights**2 * squares).sum() / max(2 * len(offsets) - len(found), 1) / (weights**2).mean() ** 2
-    plain = np.einsum("mik,mil->kl", design, design)
-    return found, np.sqrt(spread * np.diag(np.linalg.inv(plain)))
+def _felt_by_several(patch: Patch, rows: IntArray, readings: Array) -> tuple[Array, Array, Array]:
+    """Return axes, centroids and borders of `Evidence` for touches with readings (m, n)."""
+    axes, centroids, borders = np.zeros((len(rows), 2, 2)), np.zeros((len(rows), 2)), np.zeros((len(rows), 2))
+    if readings.shape[1] == 0:
+        return axes, centroids, borders
+    flat = flat_places(patch, patch.taxels.index)
+    pitch = np.array((patch.pitch[1], patch.pitch[0]) if patch.kind == "sheet" else (patch.pitch[0],) * 2)
+    for k, (row, felt) in enumerate(zip(rows.tolist(), readings)):
+        arms = flat - flat[row]
+        near = (((arms / pitch) ** 2).sum(axis=1) < NEAR_CELLS**2) & (felt > MIN_READING * felt[row])
+        if near.sum() < 2:
+            continue
+        cells = arms[near]
+        centroids[k] = felt[near] @ cells / felt[near].sum()
+        if patch.kind == "sheet":  # a border between rows, between columns, or both
+            low, high = cells.min(axis=0), cells.max(axis=0)
+            borders[k] = (low + high) / 2
+            axes[k] = np.diag((high - low > pitch / 2).astype(float))
+        else:
+            borders[k] = cells.mean(axis=0)
+            _, sizes, directions = np.linalg.svd(cells - borders[k], full_matrices=True)
+            axes[k, : int((sizes > pitch[0] / 4).sum())] = directions[: int((sizes > pitch[0] / 4).sum())]
+    return axes, centroids, borders
 
 
-def flat_places(patch: Patch, cells: IntArray | Array) -> Array:
-    """Return the positions of cells in the flat skin, x along the rows, shape (n, 2) [m]."""
-    i, j = cells.T.astype(float)
-    if patch.kind == "hexagons":
-        return patch.pitch[0] * np.column_stack((i + j / 2, np.sqrt(0.75) * j))
-    return np.column_stack((patch.pitch[1] * j, _hand(patch) * patch.pitch[0] * i))
-
-
-def link_point(patch: Patch, flat: Array) -> Array:
-    """Return the point of a flat position (2,), in the tangent plane of the nearest taxel, shape (3,) [m]."""
-    arms = flat - flat_places(patch, patch.taxels.index)
-    row = int((arms**2).sum(axis=1).argmin())
-    point: Array = patch.taxels.positions_link[row] + arms[row] @ patch.taxels.axes_link[row]
-    return point
-
-
-def flat_point(patch: Patch, point: Array) -> Array:
-    """Return the flat position (2,) [m] of a point, in the tangent plane of the nearest taxel."""
-    arms = point - patch.taxels.positions_link
-    row = int((arms**2).sum(axis=1).argmin())
-    flat: Array = flat_places(patch, patch.taxels.index[row][None])[0] + patch.taxels.axes_link[row] @ arms[row]
-    return flat
-
-
-def _hand(patch: Patch) -> float:
-    """Return 1 if the next row of a sheet is to the left of a row, -1 if it is to the right."""
-    taxels = patch.taxels
-    row_of = {cell: row for row, cell in enumerate(map(tuple, taxels.index.tolist()))}
-    pairs = [(row, row_of[i + 1, j]) for (i, j), row in row_of.items() if (i + 1, j) in row_of]
-    if not pairs:
-        return 1.0
-    here, there = np.array(pairs).T
-    rows_apart = taxels.positions_link[there] - taxels.positions_link[here]
-    return 1.0 if (taxels.axes_link[here, 1] * rows_apart).sum() > 0 else -1.0
-
-
-def other_orders(patch: Patch, rows: IntArray) -> Iterator[tuple[str, IntArray, bool]]:
-    """Yield other orders of the channels: a description, the taxels (m,) instead of ``rows``, whether it is a shift.
-
-    A taxel is -1 if the order has none. The most common mistakes come first.
-    """
-    taxels = patch.taxels
-    row_of = {channel: row for row, channel in enumerate(taxels.channels.tolist())}
-    channels = taxels.channels[rows].tolist()
-
-    def shifted(by: int) -> IntArray:
-        return np.array([row_of.get(channel + by, -1) for channel in channels], np.int64)
-
-    yield "off by one, as if counted from 1", shifted(-1), True
-    yield "off by one, each too low", shifted(1), True
-    height, width = patch.shape
-    if patch.kind != "sheet" or len(taxels.ids) != height * width:
-        return
-    yield "off by one row, each too high", shifted(-width), True
-    yield "off by one row, each too low", shifted(width), True
-    row_at = np.empty((height, width), np.int64)
-    row_at[tuple(taxels.index.T)] = np.arange(len(taxels.ids))
-    i, j = taxels.index[rows].T
-    for by, words in (
-        (-1, "columns off by one"),
-        (1, "columns off by one"),
-        (width // 2, "halves of the rows swapped"),
-    ):
-        yield words, row_at[i, (j + by) % width], True
-    number = i * width + j
-    for by_columns, turns, flip_rows, flip_columns in product((False, True), repeat=4):
-        a, b = (number % height, number // height) if by_columns else (i, j)
-        if turns:
-            a, b = (np.where(b % 2, height - 1 - a, a), b) if by_columns else (a, np.where(a % 2, width - 1 - b, b))
-        other = row_at[height - 1 - a if flip_rows else a, width - 1 - b if flip_columns else b]
-        flips = [name for name, is_so in (("rows", flip_rows), ("columns", flip_columns)) if is_so]
-        parts = ["column by column"] * by_columns
-        parts += [f"every second {'column' if by_columns else 'row'} backwards"] * turns
-        parts += [f"{' and '.join(flips)} counted from the other end"] if flips else []
-        yield ", ".join(parts), other, False
-
-
-def _cost(placement: Placement, left_out: int) -> float:
-    """Return the misfit of all touches, of those without a taxel, and of the motion, as a logarithm of odds."""
-    turn = 0.0 if placement.motion is None else placement.motion.turn
-    motion = np.log1p((_shift(placement) / USUAL_SHIFT) ** 2) + np.log1p((turn / USUAL_TURN) ** 2)
-    return float(placement.misfit.sum() + MAX_MISFIT * left_out + motion)
-
-
-def _shift(placement: Placement) -> float:
-    """Return the length of the displacement [m]."""
-    return 0.0 if placement.motion is None else float(np.linalg.norm(placement.motion.shift))
+def _odds(odds: float) -> str:
+    """Return odds in words from their logarithm."""
+    return f"{np.exp(odds):.0f} to 1" if odds < np.log(1000) else "above 1000 to 1"
 
 
 def _listed(items: list[str]) -> str:

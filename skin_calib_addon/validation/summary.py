@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..common.arrays import Array
-from .placement import Motion, Placement
+from .placement import Placement
+from .registration import Motion
 
 
 def summarize(placement: Placement) -> Iterator[str]:
@@ -21,7 +22,7 @@ def summarize(placement: Placement) -> Iterator[str]:
     if len(placement.heights):
         heights = placement.heights * 1e3
         yield f"height above the taxels: mean {heights.mean():.2f}, standard deviation {np.std(heights):.2f} mm"
-    if placement.motion is None or placement.other_order[1]:  # a displacement says nothing in a wrong order
+    if placement.motion is None or not placement.is_explained:  # a displacement says nothing in a wrong order
         return
     yield _motion(placement.motion)
     residuals = np.delete(placement.residuals, placement.outliers)

@@ -1,23 +1,40 @@
-"""Touches at known positions, from a CSV file: the strongest taxel, and the position of the probe."""
+"""Touches at known positions, from a table: the taxels that felt them, and the position of the probe or the wrench."""
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+import re
+from array import array
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from ..calibration.measurements import TaxelColumn
 from ..calibration.model import LinkCalibration
 from ..common.arrays import Array, IntArray, freeze, unit
+from ..common.errors import CalibrationFormatError, listed
+from ..common.findings import show
 from ..common.tables import TableError, find_column, names_without, naming_file, number_in, read_named_rows
 from ..common.text import read_text
+from .presses import Presses, Recorded, find_presses
 
 POINT = ("x", "y", "z")
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+# Contract: units that the header can name in brackets, by the kind of the column.
+UNITS = {
+    **dict.fromkeys(POINT, {"m": 1.0, "cm": 1e-2, "mm": 1e-3}),
+    **dict.fromkeys(WRENCH[:3], {"n": 1.0}),
+    **dict.fromkeys(WRENCH[3:], {"n m": 1.0, "nm": 1.0, "n mm": 1e-3, "nmm": 1e-3}),
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+}
 # Largest coordinate of a point [m]. A larger one is in millimetres.
 MAX_COORDINATE = 10.0
 # Smallest force with a reliable line of action [N]. Larger: refuses more touches.
 MIN_FORCE = 0.1
+# Numbers of a table. It protects the memory. Larger: accepts longer sessions.
+MAX_NUMBERS = 2**26
+# Touches of a file. Larger: more time.
+MAX_TOUCHES = 5000
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,73 +45,226 @@ class Touches:
     """
 
     taxels: tuple[str, ...]  # ids of the taxels with the largest reading
-    lines: IntArray  # (n,) lines of the file
+    lines: IntArray  # (n,) lines of the file, the first of each press
     points: Array  # (n, 3) tip of the probe, or a point of the line [m]
     directions: Array  # (n, 3) unit direction of the line; zero for a point
     unused: tuple[str, ...] = ()  # columns of the file that are not used
+    wrenches: Array = field(default_factory=lambda: np.empty((0, 6)))  # (n, 6) [N, N m]; empty without
+    felt: tuple[str, ...] = ()  # ids of the taxels with a reading
+    readings: Array = field(default_factory=lambda: np.empty((0, 0)))  # (n, k) of these taxels; empty without
+    force_noise: float | None = None  # standard deviation per axis of the force of a touch [N]; None: not known
+    rows: int = 0  # of the file
 
     def __post_init__(self):
         n = len(self.taxels)
-        freeze(self, lines=(n,), points=(n, 3), directions=(n, 3))
+        freeze(
+            self,
+            lines=(n,),
+            points=(n, 3),
+            directions=(n, 3),
+            wrenches=(n if len(self.wrenches) else 0, 6),
+            readings=(n if self.felt else 0, len(self.felt)),
+        )
 
 
 def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> Touches:
-    """Read a table of touches.
+    """Read a table of touches, or a recording of them.
 
-    The header has ``taxel`` or ``channel``, and one of two sets of columns:
+    The header has ``taxel`` or ``channel`` (the one with the largest reading), or the ids of all taxels of a skin
+    (their readings), and at least one of two sets of columns:
 
     - ``x``, ``y``, ``z``: the tip of the probe in the link frame [m];
     - ``fx``, ``fy``, ``fz``, ``tx``, ``ty``, ``tz``: the wrench about the origin of the link, measured by a
       force-torque sensor [N, N m].
 
-    The order and the case of the names are free.
+    ``press`` numbers the presses, ``time`` [s] finds them. The header can name other units in brackets, ``x [mm]``. A
+    comment ``# link: NAME`` or a column ``link`` names the link. The order and the case of the names are free.
     """
-    names: list[str] = []
-    lines: list[int] = []
-    points_and_directions: list[tuple[Array, Array]] = []
     with naming_file(path):
-        table = read_named_rows(read_text(path))
-        line, header = next(table, (1, [""]))
-        owner, columns = TaxelColumn.of(header, line, calibration), _columns(header, line)
-        unused = names_without(header, [*columns, owner.place])
-        for line, row in table:
-            names.append(owner.taxel(row, line))
-            lines.append(line)
-            points_and_directions.append(_place(row, columns, line))
-        if not names:
-            raise TableError(line, "the table has no row below its header", 1)
-    points, directions = (np.array(part) for part in zip(*points_and_directions))
-    return Touches(tuple(names), np.array(lines), points, directions, unused)
+        text = read_text(path)
+        _check_link(text, calibration.link)
+        recorded, columns = _read(text, calibration)
+        presses = find_presses(recorded, _centres(calibration))
+    if (count := len(np.unique(presses.numbers[presses.numbers >= 0]))) > MAX_TOUCHES:
+        raise CalibrationFormatError(
+            f"'{path}' has {count} touches, more than {MAX_TOUCHES}. Give the time or the number of "
+            'the press in a column "time" or "press", so that all rows of a press are one touch.'
+        )
+    with naming_file(path):
+        return _touches(presses, columns)
 
 
-def _columns(header: Sequence[str], line: int) -> list[int]:
-    """Return the columns of the three coordinates, or of the six components of a wrench."""
-    wanted = WRENCH if "fx" in header and "x" not in header else POINT
-    return [find_column(list(header), name, line) for name in wanted]
+class _Columns(NamedTuple):
+    """Where a table has what."""
+
+    owner: TaxelColumn | None
+    link: int | None
+    numbers: dict[str, int]  # places of the columns with numbers
+    scales: dict[str, float]  # their units
+    felt: dict[str, int]  # places of the readings, by the ids of the taxels
+    unused: tuple[str, ...]
+
+    @classmethod
+    def of(cls, header: list[str], line: int, calibration: LinkCalibration) -> "_Columns":
+        names, scales = zip(*(_with_unit(name, line, k + 1) for k, name in enumerate(header)))
+        header = list(names)
+        ids = {name.lower(): name for patch in calibration.patches for name in patch.taxels.ids}
+        felt = {ids[name]: k for k, name in enumerate(header) if name in ids}
+        for patch in calibration.patches:
+            missing = [name for name in patch.taxels.ids if name not in felt]
+            if 0 < len(missing) < len(patch.taxels.ids):
+                raise TableError(line, f"the header has some taxels of {patch.name}, but not {listed(missing)}", 1)
+        wanted: list[str] = [name for name in ("time", "press") if name in header]
+        if "fx" in header:
+            wanted += WRENCH
+        if "x" in header or "fx" not in header:
+            wanted += POINT
+        numbers = {name: find_column(header, name, line) for name in wanted}
+        owner = None if felt and not {"taxel", "channel"} & set(header) else TaxelColumn.of(header, line, calibration)
+        link = header.index("link") if "link" in header else None
+        others = ([] if owner is None else [owner.place]) + ([] if link is None else [link])
+        unused = names_without(header, [*numbers.values(), *felt.values(), *others])
+        return cls(owner, link, numbers, {n: scales[k] for n, k in numbers.items()}, felt, unused)
 
 
-def _place(row: list[str], columns: list[int], line: int) -> tuple[Array, Array]:
-    """Return point and direction of one touch.
+def _with_unit(name: str, line: int, column: int) -> tuple[str, float]:
+    """Return the name of a column without its unit, and the size of the unit."""
+    found = re.fullmatch(r"(.*?)\s*[\[(](.*)[\])]", name)
+    if found is None or found[1] not in UNITS:
+        return name, 1.0
+    units, given = UNITS[found[1]], found[2].strip()
+    if given not in units:
+        raise TableError(line, f"the unit {show(given)} is not known here; use one of {', '.join(units)}", column)
+    return found[1], units[given]
+
+
+def _check_link(text: str, link: str) -> None:
+    """Check the link that comments name."""
+    for number, content in enumerate(text.split("\n"), 1):
+        found = re.fullmatch(r"#\s*link\s*:\s*(.+?)\s*", content) if content.startswith("#") else None
+        if found and found[1] != link:
+            raise _of_another(found[1], link, number)
+
+
+def _of_another(found: str, link: str, line: int, column: int = 0) -> TableError:
+    return TableError(line, f"the touches are of the link {show(found)}, the calibration of {show(link)}", column)
+
+
+def _read(text: str, calibration: LinkCalibration) -> tuple[Recorded, _Columns]:
+    """Return the rows of a table, in SI units."""
+    table = read_named_rows(text)
+    line, header = next(table, (1, [""]))
+    columns = _Columns.of(header, line, calibration)
+    places = [*columns.numbers.items(), *columns.felt.items()]
+    numbers, lines, owners = array("d"), array("q"), list[str]()
+    before = -np.inf
+    for line, row in table:
+        if columns.link is not None and row[columns.link] != calibration.link:
+            raise _of_another(row[columns.link], calibration.link, line, columns.link + 1)
+        for name, k in places:
+            is_between = name == "press" and not row[k]
+            number = -1.0 if is_between else number_in(row, k, line) * columns.scales.get(name, 1.0)
+            if name == "time":
+                if number < before:
+                    raise TableError(
+                        line, f"the time {number:g} s is before {before:g} s, that of the row above", k + 1
+                    )
+                before = number
+            elif name in POINT and abs(number) > MAX_COORDINATE:
+                message = (
+                    f"the coordinate {number:g} m is more than {MAX_COORDINATE:g} m from the origin of the link. "
+                    f'Coordinates are in metres; for millimetres name the column "{name} [mm]"'
+                )
+                raise TableError(line, message, k + 1)
+            numbers.append(number)
+        if columns.owner is not None:
+            owners.append(columns.owner.taxel(row, line))
+        lines.append(line)
+        if len(numbers) > MAX_NUMBERS:
+            raise TableError(line, f"the table has more than {MAX_NUMBERS} numbers. Split it")
+    if not lines:
+        raise TableError(line, "the table has no row below its header", 1)
+    values = np.array(numbers).reshape(len(lines), -1)
+    of = {name: values[:, k] for k, (name, _) in enumerate(places)}
+    readings = values[:, len(columns.numbers) :]
+    felt = tuple(columns.felt)
+    taxels = np.array(owners or [felt[k] for k in readings.argmax(axis=1)])
+    recorded = Recorded(
+        np.array(lines),
+        taxels,
+        _columns(of, POINT),
+        _columns(of, WRENCH),
+        readings,
+        of.get("time"),
+        of.get("press"),
+    )
+    return recorded, columns
+
+
+def _columns(of: dict[str, Array], names: Sequence[str]) -> Array | None:
+    return np.stack([of[name] for name in names], axis=1) if names[0] in of else None
+
+
+def _centres(calibration: LinkCalibration) -> dict[str, Array]:
+    """Return the position of each taxel by its id."""
+    parts = (zip(patch.taxels.ids, patch.taxels.positions_link) for patch in calibration.patches)
+    return {name: position for part in parts for name, position in part}
+
+
+def _touches(presses: Presses, columns: _Columns) -> Touches:
+    """Return the medians of all presses."""
+    recorded, numbers = presses.recorded, presses.numbers
+    felt = tuple(columns.felt)
+    order = np.argsort(numbers, kind="stable")
+    order = order[numbers[order] >= 0]
+    groups = np.split(order, np.flatnonzero(np.diff(numbers[order])) + 1)
+    groups.sort(key=lambda rows: int(rows[0]))
+    readings = _medians(recorded.readings, groups) if felt else np.empty((0, 0))
+    if columns.owner is None:
+        taxels = tuple(felt[k] for k in readings.argmax(axis=1))
+    else:
+        taxels = tuple(_most_frequent(recorded.taxels[rows].tolist()) for rows in groups)
+    lines = recorded.lines[[rows[0] for rows in groups]]
+    wrenches = np.empty((0, 6)) if recorded.wrenches is None else _medians(recorded.wrenches, groups)
+    if recorded.points is not None:
+        points, directions = _medians(recorded.points, groups), np.zeros((len(groups), 3))
+    else:
+        for line, force in zip(lines.tolist(), np.linalg.norm(wrenches[:, :3], axis=1).tolist()):
+            if not MIN_FORCE <= force < np.inf:
+                message = f"the force of {force:.3g} N gives no reliable line of action, which needs {MIN_FORCE:g} N"
+                raise TableError(line, f"{message} or more. Remove this touch", columns.numbers["fx"] + 1)
+        points, directions = lines_of_action(wrenches)
+    return Touches(
+        taxels,
+        lines,
+        points,
+        directions,
+        columns.unused,
+        wrenches,
+        felt,
+        readings,
+        presses.force_noise,
+        len(recorded.lines),
+    )
+
+
+def lines_of_action(wrenches: Array) -> tuple[Array, Array]:
+    """Return a point of each line of action, shape (n, 3) [m], and its unit direction.
 
     The line of action of a wrench (f, t) goes through the point (f x t) / |f|^2. These are equations 6 to 9 of the
     paper, without their division of zero by zero.
     """
-    numbers = np.array([number_in(row, column, line) for column in columns])
-    if len(columns) == len(POINT):
-        far = int(np.abs(numbers).argmax())
-        if abs(numbers[far]) > MAX_COORDINATE:
-            message = (
-                f"the coordinate {numbers[far]:g} m is more than {MAX_COORDINATE:g} m from the origin of the link. "
-                "Coordinates are in metres; divide millimetres by 1000"
-            )
-            raise TableError(line, message, columns[far] + 1)
-        return numbers, np.zeros(3)
-    force, moment = numbers[:3], numbers[3:]
-    strength = float(np.linalg.norm(force))
-    if not MIN_FORCE <= strength < np.inf:
-        message = (
-            f"the force of {strength:.3g} N gives no reliable line of action, which needs {MIN_FORCE:g} N or more. "
-            "Remove this touch"
-        )
-        raise TableError(line, message, columns[0] + 1)
-    return np.cross(force / strength, moment / strength), unit(force)
+    forces, moments = wrenches[:, :3], wrenches[:, 3:]
+    strengths = np.maximum(np.linalg.norm(forces, axis=1), np.finfo(float).tiny)[:, None]
+    return np.cross(forces / strengths, moments / strengths), unit(forces)
+
+
+def _medians(values: Array, groups: Sequence[IntArray]) -> Array:
+    return np.array([np.median(values[rows], axis=0) for rows in groups]).reshape(len(groups), values.shape[1])
+
+
+def _most_frequent(names: Iterable[str]) -> str:
+    counts: dict[str, int] = {}
+    for name in names:
+        counts[name] = counts.get(name, 0) + 1
+    return max(counts, key=lambda name: counts[name])

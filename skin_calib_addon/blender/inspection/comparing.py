@@ -18,7 +18,7 @@ from ...common.warnings import Warning
 from ...inspection.comparison import Comparison, compare, read_others
 from ...pipeline.refine import refine
 from ...pipeline.touch_distance import check_touches
-from ...validation import Placement, placements, read_touches, summarize
+from ...validation import Placement, directions_of, placements, read_touches, summarize
 from ..overlay import drawing
 from ..overlay.layers import Layer, comparison_of, touches_of
 from ..scene.plans import read_plan
@@ -84,7 +84,11 @@ def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
     lines = [_named(p, line, many) for p in found for line in summarize(p)]
     if touches.unused:
         lines.append(f"Columns not used: {listed(touches.unused)}")
-    warnings = (warning for p in found for warning in p.warnings())
+    directions, _ = directions_of(calibration, touches)
+    if directions:
+        lines.append(f"Forces: {directions.summary()}")
+    of_forces = directions.warnings() if directions else ()
+    warnings = (*of_forces, *(warning for p in found for warning in p.warnings()))
     _keep(link, "touches", path, lines, warnings, np.concatenate([p.places for p in found]), touches_of(found))
     return found
 

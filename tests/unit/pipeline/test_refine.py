@@ -87,15 +87,16 @@ def moved_away(plan, result):
     ],
 )
 def test_skin_moves_to_its_touches(fitted, skin):
-    """Exact touches of all cells: the error is below 0.01 mm."""
+    """Touches anywhere in the cells: the error is below 0.4 mm, and the motion that is left is zero."""
     plan, result = with_skin(fitted, skin)
     true = moved_away(plan, result)
-    touches = Touches(true.ids, np.arange(len(true.ids)), true.positions_link, np.zeros((len(true.ids), 3)))
-    refined = refine(plan, result, touches)
+    refined = refine(plan, result, random_touches(true, 400, np.random.default_rng(0)))
     found = refined.calibration.patches[0].taxels
     before = result.placed[0].patch.taxels
     assert np.linalg.norm(before.positions_link - true.positions_link, axis=1).mean() > 1e-3
-    assert_allclose(found.positions_link, true.positions_link, rtol=0, atol=2e-5)
+    assert np.linalg.norm(found.positions_link - true.positions_link, axis=1).max() < 4e-4
+    motion = refined.placements[0].motion
+    assert (np.abs(motion.shift) < 0.5 * motion.shift_error).all()
     again = place_all(refined.plan, result.fits)[0].patch.taxels
     assert_allclose(again.positions_link, found.positions_link, rtol=0, atol=1e-15)
 
@@ -109,8 +110,7 @@ def test_skins_without_touches_stay(fitted):
     calibration = replace(result.calibration, patches=tuple(done.patch for done in placed))
     result = replace(result, placed=placed, calibration=calibration)
     taxels = placed[0].patch.taxels
-    off = Touches(taxels.ids, np.arange(48), taxels.positions_link + 0.001 * taxels.tangents_link, np.zeros((48, 3)))
-    refined = refine(plan, result, off)
+    refined = refine(plan, result, random_touches(moved_away(plan, result), 100, np.random.default_rng(0)))
     assert refined.plan.skins[1] == second[0] and refined.plan.skins[0] != plan.skins[0]
     assert refined.calibration.patches[1].registration == placed[1].patch.registration
     few = Touches(taxels.ids[:2], np.arange(2), taxels.positions_link[:2], np.zeros((2, 3)))
@@ -119,12 +119,43 @@ def test_skins_without_touches_stay(fitted):
     trimmed = with_skin(fitted, CENTRED | {"rows": 14, "trim": True})
     part = trimmed[1].placed[0].patch.taxels
     assert (part.index.sum(axis=1) > 0).all()
-    all_of_it = Touches(part.ids, np.arange(len(part.ids)), part.positions_link, np.zeros((len(part.ids), 3)))
+    moved = shifted(part, 0.003)
     with pytest.raises(InvalidPlan, match="'band' is centred and has no cell \\(0, 0\\). Give it an origin"):
-        refine(*trimmed, all_of_it)
-    turned = Touches(taxels.ids[::-1], np.arange(48), taxels.positions_link, np.zeros((48, 3)))
-    with pytest.raises(InvalidPlan, match="rows and columns counted from the other end"):
-        refine(plan, result, turned)
+        refine(*trimmed, random_touches(moved, 100, np.random.default_rng(0)))
+
+
+def test_touches_that_fit_another_order_or_none_move_nothing(fitted):
+    """Each refusal states the orders, or how many touches are unexplained."""
+    plan, result = with_skin(fitted, SHEET | PLACED)
+    rng = np.random.default_rng(0)
+    touches = random_touches(result.placed[0].patch.taxels, 48, rng)
+    ids = np.array(result.placed[0].patch.taxels.ids)
+    rows = np.array([int(np.flatnonzero(ids == name)[0]) for name in touches.taxels])
+    wrong = {
+        "fit another order of its channels: rows and columns counted from the other end": 47 - rows,
+        "fit neither its taxels nor another known order": rng.permutation(48)[rows],
+        "of 48 touches of skin 'band' fit neither": np.where(np.arange(48) < 20, rng.integers(0, 48, 48), rows),
+    }
+    for message, felt in wrong.items():
+        with pytest.raises(InvalidPlan, match=message):
+            refine(plan, result, replace(touches, taxels=tuple(ids[felt].tolist())))
+    inner = result.placed[0].patch.taxels.index[rows][:, 1] < 9  # touches that do not show the ends of the rows
+    some = Touches(
+        tuple(ids[rows[inner] + 1].tolist()), np.arange(inner.sum()), touches.points[inner], touches.directions[inner]
+    )
+    with pytest.raises(InvalidPlan, match="fit several orders of its channels: "):
+        refine(plan, result, some)
+
+
+def test_a_skin_without_a_significant_motion_stays(fitted):
+    """Its registration states what the touches leave possible: a raster in step with the cells leaves millimetres."""
+    plan, result = with_skin(fitted, SHEET | PLACED)
+    taxels = result.placed[0].patch.taxels
+    points = taxels.positions_link + 0.003 * taxels.tangents_link
+    refined = refine(plan, result, Touches(taxels.ids, np.arange(48), points, np.zeros((48, 3))))
+    (skin,) = refined.plan.skins
+    assert replace(skin, registration=None) == replace(plan.skins[0], registration=None)
+    assert 2e-3 < skin.registration.origin < 5e-3
 
 
 def test_warning_about_the_plan_stays(fitted):
@@ -137,10 +168,20 @@ def test_warning_about_the_plan_stays(fitted):
 
 
 def random_touches(true, count, rng):
-    """Return touches anywhere in random cells of 10 mm."""
-    rows, axes = rng.integers(0, len(true.ids), count), axes_of(true)
-    points = true.positions_link[rows] + np.einsum("ni,nij->nj", rng.uniform(-0.005, 0.005, (count, 2)), axes[rows])
+    """Return touches anywhere in random cells."""
+    rows, side = rng.integers(0, len(true.ids), count), rng.integers(0, true.corners_link.shape[1], count)
+    corners = np.stack([true.corners_link[rows, side - k] for k in range(2)], axis=1) - true.positions_link[rows, None]
+    weights = np.sqrt(rng.uniform(0, 1, (count, 1))) * np.column_stack((u := rng.uniform(0, 1, count), 1 - u))
+    points = true.positions_link[rows] + np.einsum("nk,nkc->nc", weights, corners)
     return Touches(tuple(true.ids[i] for i in rows), np.arange(count), points, np.zeros((count, 3)))
+
+
+def shifted(taxels, distance):
+    """Return taxels further along their rows."""
+    step = distance * taxels.tangents_link
+    return replace(
+        taxels, positions_link=taxels.positions_link + step, corners_link=taxels.corners_link + step[:, None]
+    )
 
 
 def axes_of(taxels):
@@ -157,33 +198,25 @@ def test_refined_plan_states_the_registration_of_its_touches(fitted):
     assert skins_from([write_skin(refined.plan.skins[0])]) == refined.plan.skins
     assert (patch.registration.origin, patch.registration.direction) == (stated.origin, stated.direction)
     assert patch.registration.anchor == stated.anchor
-    row = {name: i for i, name in enumerate(patch.taxels.ids)}
-    touched = np.array([row[name] for name in touches.taxels])
-    flat = 0.01 * patch.taxels.index[:, ::-1]
-    design = np.zeros((400, 2, 3))
-    design[:, 0, 0] = design[:, 1, 1] = 1
-    design[:, 0, 2], design[:, 1, 2] = -flat[touched, 1], flat[touched, 0]
-    normal = np.einsum("mik,mil->kl", design, design)
-    of_all = np.zeros((48, 2, 3))
-    of_all[:, 0, 0] = of_all[:, 1, 1] = 1
-    of_all[:, 0, 2], of_all[:, 1, 2] = -flat[:, 1], flat[:, 0]
-    noise = 0.01 / np.sqrt(12)  # anywhere in a cell
-    variance = noise**2 * np.einsum("nik,kl,nil->n", of_all, np.linalg.inv(normal), of_all) / 2
-    assert_allclose(patch.taxels.sigma[:, 0], np.sqrt(variance + MESH_DEVIATION**2), rtol=0.15)
+    motion = refined.placements[0].motion
+    assert stated.origin == pytest.approx(max(motion.shift_error), rel=0.05) and stated.direction == pytest.approx(
+        motion.turn_error, rel=0.05
+    )
+    assert patch.taxels.sigma[:, 0].max() < 5e-4 and patch.taxels.sigma[:, 0].min() > MESH_DEVIATION
     again = place_all(refined.plan, result.fits)[0].patch
     assert_allclose(again.taxels.sigma, patch.taxels.sigma, rtol=1e-6)
     assert again.registration == patch.registration
 
 
 def test_touches_of_one_cell_leave_the_rotation_as_it_was_stated(fitted):
-    """Exact touches state a micrometre, not zero."""
+    """They say that the position is in this cell."""
     skin = SHEET | PLACED | {"registration": {"origin": 5e-4, "direction": 0.03}}
     plan, result = with_skin(fitted, skin)
     taxels = result.placed[0].patch.taxels
     touches = Touches(taxels.ids[:1] * 4, np.arange(4), taxels.positions_link[[0] * 4], np.zeros((4, 3)))
     refined = refine(plan, result, touches)
     stated = refined.plan.skins[0].registration
-    assert stated.origin == 1e-6 and stated.direction == 0.03
+    assert 1e-3 < stated.origin < 4e-3 and stated.direction == 0.03
     assert_allclose(stated.anchor, taxels.positions_link[0], atol=1e-9)
     assert np.isfinite(refined.calibration.patches[0].taxels.sigma).all()
 
@@ -191,7 +224,7 @@ def test_touches_of_one_cell_leave_the_rotation_as_it_was_stated(fitted):
 @pytest.mark.slow
 @pytest.mark.parametrize("skin", [SHEET | PLACED, SHEET | {"landmarks": MARKS}], ids=["placed", "landmarks"])
 def test_sigma_covers_the_errors_of_refined_skins(fitted, skin):
-    """68 % of the components are within one sigma, 95 % within two, over 60 sets of 24 touches."""
+    """68 % or more of the components are within one sigma, 95 % within two, over 60 sets of 24 touches."""
     plan, result = with_skin(fitted, skin)
     true, rng = moved_away(plan, result), np.random.default_rng(0)
     row = {name: i for i, name in enumerate(true.ids)}
@@ -201,15 +234,13 @@ def test_sigma_covers_the_errors_of_refined_skins(fitted, skin):
         rows = [row[name] for name in found.ids]
         errors = np.einsum("nij,nj->ni", axes_of(true)[rows], found.positions_link - true.positions_link[rows])
         ratios.append(np.abs(errors) / found.sigma[:, :1])
-    assert abs(np.mean(np.less(ratios, 1)) - 0.68) < 0.06 and abs(np.mean(np.less(ratios, 2)) - 0.95) < 0.03
+    assert 0.62 < np.mean(np.less(ratios, 1)) < 0.92 and np.mean(np.less(ratios, 2)) > 0.92
 
 
 def test_refinement_that_does_not_converge_is_an_error(fitted, monkeypatch):
     """With a limit of one step, which leaves more than the tolerance."""
     plan, result = with_skin(fitted, SHEET | PLACED)
-    taxels = result.placed[0].patch.taxels
-    points = moved_away(plan, result).positions_link
-    measured = Touches(taxels.ids, np.arange(len(points)), points, np.zeros_like(points))
+    measured = random_touches(moved_away(plan, result), 100, np.random.default_rng(0))
     monkeypatch.setattr("skin_calib_addon.pipeline.refine.MAX_REFINE_STEPS", 1)
     with pytest.raises(InvalidPlan, match="refinement of skin 'band' did not converge in 1 steps: the last step was"):
         refine(plan, result, measured)
@@ -217,14 +248,14 @@ def test_refinement_that_does_not_converge_is_an_error(fitted, monkeypatch):
 
 @pytest.fixture
 def folder(fitted, tmp_path):
-    """Return a folder with a plan, its calibration, and touches with an offset of 2 mm along the rows."""
+    """Return a folder with a plan, its calibration, and touches of the skin 2 mm further along the rows."""
     plan, result = with_skin(fitted, SHEET | PLACED)
     copy(plan.mesh, tmp_path)
     save_plan(replace(plan, mesh=Path("cone.ply"), extra={"x_note": "kept"}), tmp_path / "cone.plan.json")
     save_calibration(result.calibration, tmp_path / "cone.json")
     taxels = result.placed[0].patch.taxels
-    points = taxels.positions_link + 0.002 * taxels.tangents_link
-    rows = [f"{name},{x},{y},{z}" for name, (x, y, z) in zip(taxels.ids, points.tolist())]
+    touches = random_touches(shifted(taxels, 0.002), 100, np.random.default_rng(0))
+    rows = [f"{name},{x},{y},{z}" for name, (x, y, z) in zip(touches.taxels, touches.points.tolist())]
     (tmp_path / "t.csv").write_text("\n".join(["taxel,x,y,z", *rows]) + "\n")
     (tmp_path / "sub").mkdir()
     return tmp_path
@@ -238,12 +269,14 @@ def test_command_compares_and_refines(folder, capsys):
     """A calibration is compared; a plan is refined into another folder."""
     assert touches(folder, "cone.json", "--picture", folder / "t.png") == 0
     out, err = capsys.readouterr()
-    assert "touches          48, of 48 taxels" in out and err == ""
-    assert "band             shifted 2.0" in out and "not significant" not in out
+    assert "touches          100, of 43 taxels" in out and err == ""
+    before = out.split("after the refinement")[0]
+    assert "band             shifted " in before and "not significant" not in before
     assert (read_png(folder / "t.png").min(axis=2) < 0.9).mean() > 0.03
     moved = folder / "sub" / "moved.plan.json"
     assert touches(folder, "cone.plan.json", "--refine", "-o", moved) == 0
-    assert "shifted 0.00 +- 0.0" in capsys.readouterr().out
+    after = capsys.readouterr().out.split("after the refinement:")[1]
+    assert "not significant" in after
     assert load_plan(moved).extra == {"x_note": "kept"} and '"mesh": "../cone.ply"' in moved.read_text()
 
 

@@ -1,0 +1,141 @@
+"""Which rows of a recording belong to which press: all rows of a press are one touch."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..common.arrays import Array, BoolArray, IntArray
+from ..common.tables import TableError
+
+# [s] at the start of a recording without contact. Larger: less noise of the tare, longer waiting.
+REST_TIME = 1.0
+MIN_REST_ROWS = 10  # in this time. Larger: refuses slow recordings.
+MIN_PRESS_TIME = 0.2  # [s] Larger: misses short presses. Smaller: takes bumps for presses.
+LOW_PASS = 5.0  # [Hz] of the total force. Larger: more noise. Smaller: presses must be farther apart.
+PRESS_SIGMA = 5.0  # [standard deviations at rest] of a press. Larger: misses light presses.
+# [fraction of the largest force] of a press. Larger: misses light presses. Smaller: takes drift for presses.
+MIN_PRESS_FORCE = 0.03
+PLATEAU = 0.8  # [fraction of the largest force of a press] from which on rows count. Larger: fewer rows.
+# [m] Successive rows of one taxel that are nearer than this to their mean are one press, if nothing else separates
+# presses. Larger: touches next to each other become one. Smaller: noise makes several of one.
+SAME_PLACE = 2e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """Rows of a file in SI units; None where the file has no such columns."""
+
+    lines: IntArray  # (n,) of the file
+    taxels: Array  # (n,) ids of the taxels with the largest reading
+    points: Array | None  # (n, 3) [m]
+    wrenches: Array | None  # (n, 6) [N, N m]
+    readings: Array  # (n, k)
+    times: Array | None  # (n,) not decreasing [s]
+    presses: Array | None  # (n,) numbers; negative between presses
+
+
+@dataclass(frozen=True, eq=False)
+class Presses:
+    """Rows of a file, tared if they have a time, and their presses."""
+
+    recorded: Recorded
+    numbers: IntArray  # (n,) of the press of each row; negative between presses
+    force_noise: float | None = None  # of a press, per axis [N]; None: not known
+
+
+def find_presses(recorded: Recorded, centres: dict[str, Array]) -> Presses:
+    """Return the presses by their numbers in the file, or else by the total force over time, or else by position."""
+    if recorded.presses is not None:
+        numbers = np.rint(recorded.presses).astype(np.int64)
+        if (numbers < 0).all():
+            raise TableError(int(recorded.lines[0]), 'no row has a number in the column "press"')
+        return Presses(recorded, numbers)
+    has_force = recorded.wrenches is not None or recorded.readings.shape[1] > 0
+    if recorded.times is not None and has_force:
+        return _by_force(recorded, recorded.times)
+    return Presses(recorded, _by_place(recorded, centres))
+
+
+def _by_place(recorded: Recorded, centres: dict[str, Array]) -> IntArray:
+    """Return a number for each run of rows of one taxel at one position."""
+    if recorded.points is not None:
+        places = recorded.points
+    else:
+        assert recorded.wrenches is not None
+        forces, moments = recorded.wrenches[:, :3], recorded.wrenches[:, 3:]
+        squares = np.maximum((forces**2).sum(axis=1), np.finfo(float).tiny)[:, None]
+        points = np.cross(forces, moments) / squares
+        arms = np.array([centres[name] for name in recorded.taxels.tolist()]) - points
+        places = points + ((arms * forces).sum(axis=1)[:, None] / squares) * forces
+    numbers = np.zeros(len(places), np.int64)
+    taxels = recorded.taxels.tolist()
+    first = 0  # of the press
+    middle = places[0]
+    for k in range(1, len(places)):
+        is_same = taxels[k] == taxels[first]
+        if is_same and _is_far(places[k], middle):  # a single row can be noise
+            is_same = k + 1 < len(places) and taxels[k + 1] == taxels[first] and not _is_far(places[k + 1], middle)
+        numbers[k] = numbers[k - 1] + (not is_same)
+        if is_same:
+            middle = middle + (places[k] - middle) / (k - first + 1)
+        else:
+            first, middle = k, places[k]
+    return numbers
+
+
+def _is_far(place: Array, middle: Array) -> bool:
+    return bool(((place - middle) ** 2).sum() > SAME_PLACE**2)
+
+
+def _by_force(recorded: Recorded, times: Array) -> Presses:
+    """Find the presses of a recording by its total force, and tare its wrenches and readings."""
+    line = int(recorded.lines[0])
+    at_rest = times - times[0] < REST_TIME
+    if at_rest.sum() < MIN_REST_ROWS:
+        message = f"the first {REST_TIME:g} s have {at_rest.sum()} rows, which are too few for a tare"
+        raise TableError(line, f"{message}. Record {MIN_REST_ROWS} rows without contact, or number the presses")
+    readings, wrenches = recorded.readings, recorded.wrenches
+    readings = readings - np.median(readings[at_rest], axis=0)
+    noise, total = None, readings.sum(axis=1)
+    if wrenches is not None:
+        wrenches = wrenches - np.median(wrenches[at_rest], axis=0)
+        noise = float(np.sqrt((wrenches[at_rest, :3] ** 2).mean()))
+        total = np.linalg.norm(wrenches[:, :3], axis=1)
+    recorded = replace(recorded, readings=readings, wrenches=wrenches)
+    smooth = _low_pass(total, times)
+    rest = smooth[at_rest]
+    usual = float(np.median(rest))
+    sigma = 1.4826 * float(np.median(np.abs(rest - usual)))
+    limit = usual + max(PRESS_SIGMA * sigma, MIN_PRESS_FORCE * float(smooth.max() - usual))
+    numbers = np.full(len(times), -1, np.int64)
+    count, sizes = 0, []
+    for first, last in _runs(smooth > limit):
+        if times[last] - times[first] < MIN_PRESS_TIME:
+            continue
+        rows = np.arange(first, last + 1)
+        rows = rows[smooth[rows] - usual >= PLATEAU * (smooth[rows].max() - usual)]
+        numbers[rows] = count
+        count += 1
+        sizes.append(len(rows))
+    if count == 0 or (numbers[at_rest] >= 0).any():
+        message = "no press was found" if count == 0 else "the skin is pressed in the first second"
+        raise TableError(line, f"{message}. Record {REST_TIME:g} s without contact, then the presses, or number them")
+    of_medians = None if noise is None else noise * float(np.sqrt(np.pi / 2 / np.median(sizes)))
+    return Presses(recorded, numbers, of_medians)
+
+
+def _runs(is_on: BoolArray) -> list[tuple[int, int]]:
+    """Return the first and last row of each run."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], is_on, [False])).astype(np.int8)))
+    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
+
+
+def _low_pass(values: Array, times: Array) -> Array:
+    """Return values after a low pass of first order, forwards and backwards."""
+    out = values.astype(float)
+    gains = 1 - np.exp(-2 * np.pi * LOW_PASS * np.diff(times))
+    for order in (range(1, len(out)), range(len(out) - 2, -1, -1)):
+        step = -1 if order.step == 1 else 1
+        for k in order:
+            out[k] = out[k + step] + gains[min(k, k + step)] * (out[k] - out[k + step])
+    return out

@@ -1,0 +1,91 @@
+"""Directions of forces: offset of the sensor, presses that lean, signs."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.validation import Touches, directions_of, placements
+from skin_calib_addon.validation.flat import flat_places
+from skin_calib_addon.validation.touches import lines_of_action
+from tests.samples import sheet, small_calibration
+
+ROWS, COLUMNS, PITCH = 6, 20, 0.01
+SHEET = sheet(ROWS, COLUMNS, PITCH)
+CALIBRATION = small_calibration(patches=(SHEET,))
+MIDDLE = flat_places(SHEET, SHEET.taxels.index).mean(axis=0)[None]
+
+
+def presses(seed, count=40, offset=(0, 0, 0), of_contact=(0, 0, 0), lean=0.0):
+    """Return touches of 8 N with directions that scatter by 11 degrees, and their true places are in random cells."""
+    rng, taxels = np.random.default_rng(seed), SHEET.taxels
+    rows = rng.integers(0, ROWS * COLUMNS, count)
+    inside = rng.uniform(-0.5, 0.5, (count, 2)) * PITCH
+    places = taxels.positions_link[rows] + np.einsum("mk,mkc->mc", inside, taxels.axes_link[rows])
+    forces = 8 * (-np.cos(lean) * taxels.normals_link[rows] + np.sin(lean) * taxels.tangents_link[rows])
+    forces += rng.normal(0, 1.6, (count, 3)) + of_contact
+    moments = np.cross(places, forces) + rng.normal(0, 5e-3, (count, 3))
+    wrenches = np.column_stack((forces + offset + rng.normal(0, 0.2, (count, 3)), moments))
+    ids = tuple(taxels.ids[row] for row in rows)
+    return Touches(ids, np.arange(count) + 2, *lines_of_action(wrenches), wrenches=wrenches)
+
+
+def codes(touches):
+    return {warning.code for warning in directions_of(CALIBRATION, touches)[0].warnings()}
+
+
+def test_an_offset_of_the_sensor_is_named_and_removed():
+    """1.5 N at presses of 8 N; the displacement is then within 3 of its standard errors, which include the offset."""
+    for seed in range(6):
+        offset = 1.5 * np.eye(3)[seed % 3]
+        touches = presses(seed, offset=offset)
+        found, corrected = directions_of(CALIBRATION, touches)
+        assert "force-offset" in codes(touches) and found.is_of_sensor
+        assert (np.abs(found.offset - offset) < 4 * np.sqrt(np.diag(found.offset_covariance))).all()
+        assert_allclose(corrected.wrenches[:, :3], touches.wrenches[:, :3] - found.offset, rtol=0, atol=1e-12)
+        (placement,) = placements(CALIBRATION, touches)
+        shift, error = placement.motion.at(MIDDLE)[0], placement.motion.sigma_at(MIDDLE)[0]
+        assert (np.abs(shift) < np.minimum(3 * error, 0.0025)).all()
+
+
+def test_a_force_of_the_contact_stays_in_the_lines_of_action():
+    """Its moment agrees with it: the lines go through the touches."""
+    found, touches = directions_of(CALIBRATION, given := presses(0, of_contact=(0, 0, 3.0)))
+    assert touches is given and not found.is_of_sensor
+    assert_allclose(found.offset, (0, 0, 3), atol=1.0)
+    warning = next(found.warnings())
+    assert warning.code == "force-offset" and "The moments agree with it" in warning.message
+
+
+def test_forces_along_the_normals_give_no_warning():
+    """In 40 sets with scatter."""
+    assert not set().union(*(codes(presses(seed)) for seed in range(100, 140)))
+
+
+@pytest.mark.parametrize("angle", [25, 70])
+def test_presses_that_lean_are_named(angle):
+    """The mean angle along the rows has a standard error."""
+    touches = presses(1, lean=np.deg2rad(angle))
+    found, _ = directions_of(CALIBRATION, touches)
+    assert "oblique-touches" in codes(touches)
+    assert_allclose(np.rad2deg(found.mean_tilt), (angle, 0), atol=10)
+    assert f"angle to the normal: mean {np.rad2deg(found.angles.mean()):.1f}, along the rows " in found.summary()
+
+
+def test_signs_of_forces_are_checked():
+    """A pull between presses is named by its line; pulls alone are a note."""
+    touches = presses(2)
+    wrenches = touches.wrenches.copy()
+    wrenches[5] *= -1
+    mixed = Touches(touches.taxels, touches.lines, *lines_of_action(wrenches), wrenches=wrenches)
+    (warning,) = directions_of(CALIBRATION, mixed)[0].warnings()
+    assert warning.code == "force-sign" and "1 of 40 forces have the opposite sign: line 7." in warning.message
+    pulls = Touches(touches.taxels, touches.lines, *lines_of_action(-touches.wrenches), wrenches=-touches.wrenches)
+    (note,) = directions_of(CALIBRATION, pulls)[0].warnings()
+    assert (note.code, note.severity) == ("force-sign", "note")
+
+
+def test_few_forces_say_nothing():
+    """And no force at all."""
+    assert directions_of(CALIBRATION, presses(0, count=7))[0] is None
+    points = Touches(("s0.0",) * 9, np.arange(9), np.zeros((9, 3)), np.zeros((9, 3)))
+    assert directions_of(CALIBRATION, points) == (None, points)

@@ -1,0 +1,115 @@
+"""Recordings of touches: all rows of a press are one touch; units and links; invalid sessions are one line."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.common.errors import CalibrationFormatError
+from skin_calib_addon.validation import read_touches
+from tests.samples import sheet, small_calibration
+
+SHEET = sheet(2, 3, 0.01)
+CALIBRATION = small_calibration(patches=(SHEET,))
+IDS = SHEET.taxels.ids
+
+
+def read(folder, header, rows, comment=""):
+    """Write and read a table."""
+    path = folder / "t.csv"
+    lines = [comment] * bool(comment) + [",".join(header), *(",".join(map(str, row)) for row in rows)]
+    path.write_text("\n".join(lines) + "\n")
+    return read_touches(path, CALIBRATION)
+
+
+def test_rows_with_one_number_are_one_press(tmp_path):
+    """Its taxel is the most frequent one, its point the median; rows without a number are between presses."""
+    rows = [
+        ("s0.0", 0.1, 0, 0, 7),
+        ("s0.1", 0.2, 0, 0, 7),
+        ("s0.1", 0.9, 0, 0, 7),
+        ("s1.1", 5, 5, 5, ""),
+        ("s0.2", 1, 2, 3, 3),
+    ]
+    found = read(tmp_path, ("taxel", "x", "y", "z", "press"), rows)
+    assert found.taxels == ("s0.1", "s0.2") and found.lines.tolist() == [2, 6] and found.rows == 5
+    assert found.points.tolist() == [[0.2, 0, 0], [1, 2, 3]]
+
+
+def test_successive_rows_at_one_place_are_one_press(tmp_path):
+    """A noisy row does not end a press; another taxel, and another place in the same cell, do."""
+    rng = np.random.default_rng(0)
+    places = [("s0.0", 0.0)] * 50 + [("s0.0", 0.004)] * 50 + [("s0.1", 0.004)] * 50
+    points = [x + rng.normal(0, 3e-4, 3) for _, x in places]
+    points[20] = points[20] + 0.003
+    found = read(tmp_path, ("taxel", "x", "y", "z"), [(name, *p) for (name, _), p in zip(places, points)])
+    assert found.taxels == ("s0.0", "s0.0", "s0.1") and found.lines.tolist() == [2, 52, 102]
+    wrenches = [(name, 0, 0, 5, 0, -5 * x, 0) for name, x in places]
+    again = read(tmp_path, ("taxel", "fx", "fy", "fz", "tx", "ty", "tz"), wrenches)
+    assert again.taxels == found.taxels and again.lines.tolist() == found.lines.tolist()
+
+
+def session(count=4, rate=100):
+    """Return times, the force factor of each row, and the number of its press: rest, presses of .5 s, pauses."""
+    shape = np.concatenate((np.zeros(rate // 2), np.linspace(0, 1, 20), np.ones(rate // 2), np.linspace(1, 0, 20)))
+    factor = np.concatenate((np.zeros(rate + 20), np.tile(shape, count), np.zeros(rate // 2)))
+    number = np.concatenate((np.full(rate + 20, -1), np.repeat(np.arange(count), len(shape)), np.full(rate // 2, -1)))
+    return np.arange(len(factor)) / rate, factor, number
+
+
+def test_presses_are_found_from_the_force_over_time(tmp_path):
+    """The tare removes the offset of the sensor; a touch is the median of the plateau; bumps are no presses."""
+    time, factor, number = session()
+    rng = np.random.default_rng(0)
+    forces = factor[:, None] * (0.0, 0.0, -6.0) + (1.0, -2.0, 3.0) + rng.normal(0, 0.05, (len(time), 3))
+    forces[130:134] += 4.0  # 40 ms
+    taxels = [IDS[max(k, 0)] for k in number.tolist()]
+    rows = [(t, name, *f, 0.01, 0, 0) for t, name, f in zip(time, taxels, forces)]
+    found = read(tmp_path, ("time", "taxel", "fx", "fy", "fz", "tx", "ty", "tz"), rows)
+    assert found.taxels == IDS[:4] and found.rows == len(time)
+    assert_allclose(found.wrenches[:, :3], [(0, 0, -6)] * 4, atol=0.05)
+    assert 0.003 < found.force_noise < 0.03
+
+
+def test_presses_are_found_from_the_sum_of_the_readings(tmp_path):
+    """The rest of each taxel is removed, and the strongest one of a press is its taxel."""
+    time, factor, number = session()
+    loads = np.eye(6)[np.maximum(number, 0)] * 30 * factor[:, None] + (50, 0, 0, 0, 0, 0)
+    rows = [(t, *load, 0.01 * k, 0, 0) for t, load, k in zip(time * 1e3, loads, number)]
+    found = read(tmp_path, ("Time (ms)", *IDS, "x", "y", "z"), rows)
+    assert found.taxels == IDS[:4] and found.felt == IDS
+    assert_allclose(found.readings[:, :4], 30 * np.eye(4), atol=1e-9)
+    assert_allclose(found.points[:, 0], 0.01 * np.arange(4), atol=1e-12)
+
+
+def test_units_and_the_link_are_in_the_header(tmp_path):
+    """Units are in brackets, the link in a comment or in a column."""
+    header = ("taxel", "x [mm]", "y (cm)", "z", "fx [N]", "fy", "fz", "tx [N mm]", "ty", "tz", "link")
+    found = read(tmp_path, header, [("s0.0", 10, 2, 0.03, 1, 2, 3, 40, 5, 6, "forearm")], "# link: forearm")
+    assert_allclose(found.points, [(0.01, 0.02, 0.03)]) and not found.directions.any()
+    assert_allclose(found.wrenches, [(1, 2, 3, 0.04, 5, 6)])
+
+
+TIMES = [(0.1 * k, "s0.0", 0, 0, 0) for k in range(20)]
+WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "comment", "message"),
+    [
+        (("taxel", "x [inch]", "y", "z"), [], "", 'line 1, column 2: the unit "inch" is not known here; use one of m'),
+        (("taxel", "x", "y"), [("s0.0", 0, 0)], "", 'the header names no column "z"'),
+        ((*IDS[:4], "x", "y", "z"), [], "", "the header has some taxels of sheet, but not s1.1, s1.2"),
+        (("taxel", "x", "y", "z"), [("s0.0", 0, 0, 0)], "# link: thigh", 'line 1: the touches are of the link "thigh"'),
+        (("taxel", "x", "y", "z", "link"), [("s0.0", 0, 0, 0, "forearm"), ("s0.0", 0, 0, 0, "thigh")], "",
+         'line 3, column 5: the touches are of the link "thigh", the calibration of "forearm"'),
+        (("time", "taxel", "x", "y", "z"), [*TIMES, TIMES[3]], "", "line 22, column 1: the time 0.3 s is before 1.9 s"),
+        (("time", "taxel", *WRENCH), [(*row[:2], *[1] * 6) for row in TIMES], "", "no press was found"),
+        (("time", "taxel", *WRENCH), [(k, "s0.0", *[1] * 6) for k in range(20)], "", "have 1 rows, which are too few"),
+        (("taxel", "x", "y", "z", "press"), [("s0.0", 0, 0, 0, "")], "", "no row has a number in the column"),
+        (("taxel", "x", "y", "z"), [(IDS[k % 2], 0, 0, 0) for k in range(5001)], "", "has 5001 touches, more"),
+    ],
+)  # fmt: skip
+def test_error_of_a_session_is_one_line(tmp_path, header, rows, comment, message):
+    with pytest.raises(CalibrationFormatError) as caught:
+        read(tmp_path, header, rows, comment)
+    assert message in str(caught.value) and "\n" not in str(caught.value)
