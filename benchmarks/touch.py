@@ -356,21 +356,24 @@ def wiring_sets(sets: int, seed: int) -> Iterator[str]:
                 cells = readings(moved.to_sheet(places), 4e-3, rng).argmax(axis=1)
                 numbers = order(*taxels.index[cells].T)
                 felt = np.eye(ROWS * COLUMNS)[numbers]
-                verdicts[verdict(compared(columns_of(felt, recorded(places, rng))), cells)] += 1
+                points = recorded(places, rng)
+                is_there = np.linalg.norm(points - on_limb(places), axis=1) < PITCH / 2
+                verdicts[verdict(compared(columns_of(felt, points)), cells, is_there)] += 1
             yield f"wiring, {count} touches, {name or 'as planned':44} {sets:4} sets  {dict(verdicts.most_common())}"
 
 
-def verdict(found: Placement, cells: Array) -> str:
+def verdict(found: Placement, cells: Array, is_there: Array) -> str:
     """Return whether the stated order is right, ambiguous, or wrong, and whether with odds above 5 nats.
 
-    An order is right if it has the true cells of all touches that it explains.
+    An order is right if it has the true cells of all touches that are recorded where they were.
     """
     wiring = found.wiring
     if 1 - wiring.explained > MAX_UNEXPLAINED:
         return "unexplained"
     if not wiring.is_certain:
         return "ambiguous"
-    if (wiring.order.rows == cells[found.lines - 2]).all():
+    rows = found.lines - 2
+    if (wiring.order.rows == cells[rows])[is_there[rows]].all():
         return "right"
     return "WRONG" if wiring.odds > 5 else "wrong, below 5 nats"
 

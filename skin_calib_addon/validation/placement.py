@@ -33,9 +33,9 @@ MAX_UNEXPLAINED = 0.3
 MIN_READING = 0.05
 # [pitch] Distance from the strongest taxel within which others felt the same touch: the eight or six cells around it.
 NEAR_CELLS = 1.6
-# [1] Logarithm of the probability that random touches are as regular within their cells, from which on a warning is
-# given. Larger: fewer warnings.
-MIN_REGULARITY = 7.0
+# [1] Regularity of touches within their cells from which on a warning is given, and the logarithm of the probability
+# that random touches are so by chance. Larger: fewer warnings.
+MIN_REGULARITY, RANDOM_LIMIT = 0.5, 7.0
 OFFSET_STEP = 1e-3  # [N] of a derivative. Larger: less exact.
 # Median height of touches above or below the taxels from which on a warning is given [m]: half of the distance at which
 # a single touch is an error. Larger: fewer warnings.
@@ -113,16 +113,15 @@ class Placement:
 
     @cached_property
     def regularity(self) -> float:
-        """Logarithm of the probability that random touches are as near to one position in their cells [1].
+        """How near the touches are to one position in their cells, along the rows or across: 0 at random, 1 on it [1].
 
-        The mean of m unit vectors whose angles are the positions in units of the cell has a length of at least r with
-        the probability exp(-m r^2) (Rayleigh). The largest of both axes counts.
+        It is the length of the mean of unit vectors whose angles are the positions in units of the cell. For m random
+        vectors it is above r with the probability exp(-m r^2) (Rayleigh).
         """
         if len(self.rows) == 0:
             return 0.0
         size = np.ptp(self.patch.taxels.flat_corners[self.rows], axis=1)
-        phases = np.exp(2j * np.pi * self.offsets[:, :2] / size)
-        return float((np.abs(phases.mean(axis=0)) ** 2 * len(phases)).max())
+        return float(np.abs(np.exp(2j * np.pi * self.offsets[:, :2] / size).mean(axis=0)).max())
 
     @cached_property
     def residuals(self) -> Array:
@@ -152,7 +151,8 @@ class Placement:
                 float(len(which)),
                 "Check the channels of these taxels.",
             )
-        if self.patch.kind != "imported" and self.regularity > MIN_REGULARITY:
+        limit = max(MIN_REGULARITY, float(np.sqrt(RANDOM_LIMIT / max(len(self.rows), 1))))
+        if self.patch.kind != "imported" and self.regularity > limit:
             message = f"Most touches of {name} are at the same position in their cells, as those of a raster are."
             yield Warning(
                 "raster-touches",
@@ -207,8 +207,7 @@ class Placement:
     @cached_property
     def unexplained(self) -> BoolArray:
         """Touches (m,) that the motion of the skin does not explain in the planned order."""
-        motion = np.zeros(3) if self.posterior is None else self.posterior.mean
-        return self.evidence.explained(motion) < 0.5
+        return self.evidence.explained(self.posterior) < 0.5
 
     @property
     def is_explained(self) -> bool:

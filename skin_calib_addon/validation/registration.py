@@ -1,6 +1,6 @@
 r"""The motion of a skin that its touches show, with its covariance.
 
-A touch tells in which cell its position is, and nothing more where one taxel felt it. Where several did, their
+A touch says in which cell its position is, and nothing more where one taxel felt it. Where several did, their
 force-weighted centroid is near the position. The probability of what a touch reports, for a motion :math:`\theta` of
 the skin and a fraction :math:`\epsilon` of touches that report anything, relative to that of a report by chance:
 
@@ -127,7 +127,7 @@ class Evidence:
 
     offsets: Array  # (m, 2) from the felt taxel to the position of the touch [m]
     arms: Array  # (m, 2) flat position of this taxel [m]
-    corners: Array  # (m, k, 2) of its cell, counter-clockwise, relative to it [m]
+    corners: Array  # (m, k, 2) of its cell, in either direction, relative to it [m]
     axes: Array  # (m, 2, 2) unit vectors along which several taxels felt it; zero for the others
     centroids: Array  # (m, 2) of the force, relative to the taxel [m]
     borders: Array  # (m, 2) middle of the border between the cells that felt it, relative to the taxel [m]
@@ -150,7 +150,9 @@ class Evidence:
         sides = np.roll(self.corners, -1, axis=1) - self.corners
         lengths = np.linalg.norm(sides, axis=2)
         is_side = lengths > 1e-9  # a corner can be listed twice
-        inward = np.stack((-sides[..., 1], sides[..., 0]), axis=2) / np.where(is_side, lengths, 1.0)[..., None]
+        hand = np.sign((self.corners[..., 0] * sides[..., 1] - self.corners[..., 1] * sides[..., 0]).sum(axis=1))
+        inward = np.stack((-sides[..., 1], sides[..., 0]), axis=2) * hand[:, None, None]
+        inward /= np.where(is_side, lengths, 1.0)[..., None]
         constant = ((self.offsets[:, None] - self.corners) * inward).sum(axis=2)
         turning = (inward * _across(self.arms)[:, None]).sum(axis=2)
         slopes = -np.concatenate((inward, turning[..., None]), axis=2)
@@ -199,10 +201,14 @@ class Evidence:
         scores = np.array([float(np.log(ratio[0]) @ self.weights) for ratio in self.ratios(motion[None], noises, blur)])
         return [noises[k] for k in np.flatnonzero(scores > scores.max() - MAX_LOG_ODDS)]
 
-    def explained(self, motion: Array) -> Array:
-        """Return the probability (m,) that each report is not by chance, for a motion (3,)."""
-        noise = max(self.probable(motion, 0.0), key=lambda noise: noise.edge)._replace(chance=0.0)
-        (ratio,) = self.ratios(motion[None], [noise])
+    def explained(self, found: "Posterior | None") -> Array:
+        """Return the probability (m,) that each report is not by chance; without a posterior the skin did not move."""
+        motion, blur = np.zeros(3), 0.0
+        if found is not None:
+            motion = found.mean
+            blur = float(motion_of(found, self.arms.mean(axis=0)).shift_error.max())
+        noise = max(self.probable(motion, blur), key=lambda noise: noise.edge)._replace(chance=0.0)
+        (ratio,) = self.ratios(motion[None], [noise], blur)
         return np.asarray((1 - CHANCES[1]) * ratio[0] / (CHANCES[1] + (1 - CHANCES[1]) * ratio[0]))
 
     def log_likelihood(self, motions: Array, noises: Sequence[Noise], blur: float) -> Array:

@@ -20,7 +20,7 @@ from .registration import CHANCES, MAX_SHIFT, USUAL_SHIFT, Evidence, log_mean, p
 MIN_ODDS = 3.0
 # [1] Logarithm of the odds of the planned order and any other before any touch, and of those of any exchange of two
 # rows, columns or boards. Larger: more touches for another order.
-PLANNED_ODDS, EXCHANGED_ODDS = 3.0, 6.0
+PLANNED_ODDS, EXCHANGED_ODDS = 4.0, 6.0
 # [1] Touches that judge an order. Larger: more time.
 MAX_JUDGED = 200
 # [1] Orders that are registered exactly, after a coarse comparison of all. Larger: more time, safer.
@@ -135,8 +135,8 @@ class _Seen:
     def explained(self, rows: IntArray, planned: Array) -> float:
         """Return the fraction of the touches that an order explains."""
         evidence = self.evidence(rows, planned)
-        motion = np.zeros(3) if self.patch.kind == "imported" else posterior(evidence).mean
-        return float((evidence.explained(motion) > 0.5).mean())
+        found = None if self.patch.kind == "imported" else posterior(evidence)
+        return float((evidence.explained(found) > 0.5).mean())
 
     def evidence(self, rows: IntArray, planned: Array) -> Evidence:
         """Return what the touches report if these taxels (m,) felt them."""
@@ -209,12 +209,7 @@ def _of_sheet(patch: Patch, rows: IntArray) -> Iterator[Order]:
         for one, other in combinations(range(size), 2):
             at = [i, j]
             at[k] = np.where(at[k] == one, other, np.where(at[k] == other, one, at[k]))
-            yield Order(f"{name} {one} and {other} exchanged", row_at[at[0], at[1]], _of_exchange(size))
-
-
-def _of_exchange(count: int) -> float:
-    """Return the odds against one exchange of two of some rows, columns or boards."""
-    return float(EXCHANGED_ODDS + np.log(count * (count - 1) / 2))
+            yield Order(f"{name} {one} and {other} exchanged", row_at[at[0], at[1]], EXCHANGED_ODDS)
 
 
 def _closes(patch: Patch, row_at: IntArray) -> bool:
@@ -242,4 +237,4 @@ def _of_boards(patch: Patch, rows: IntArray) -> Iterator[Order]:
     if count <= MAX_EXCHANGED:
         for a, b in combinations(range(count), 2):
             swapped = np.where(rows == a, b, np.where(rows == b, a, rows))
-            yield Order(f"{taxels.ids[a]} and {taxels.ids[b]} exchanged", swapped, _of_exchange(count))
+            yield Order(f"{taxels.ids[a]} and {taxels.ids[b]} exchanged", swapped, EXCHANGED_ODDS)

@@ -15,16 +15,23 @@ def ours(extension):
 
 @pytest.fixture
 def table(bpy, ours, plan_file, tmp_path):
-    """Return a table of touches 2 mm along the rows from each cell of a fitted sheet, in a scene of millimetres."""
+    """Return a table of touches of a sheet that is 2 mm further along its rows, in a scene of millimetres."""
     bpy.context.scene.unit_settings.scale_length = 0.001
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file("band", skins=[BAND])))
     bpy.ops.skin_calib.fit()
     taxels = taxels_of(bpy, ours)
-    points = taxels.positions_link + 0.002 * taxels.tangents_link
-    rows = [f"{name},{x},{y},{z}" for name, (x, y, z) in zip(taxels.ids, points.tolist())]
+    even = np.linspace(-0.45, 0.45, 7) * 0.01
+    inside = np.stack(np.meshgrid(even, even), axis=-1).reshape(-1, 2)
+    points = taxels.positions_link + 0.002 * taxels.tangents_link + np.tensordot(inside, axes_of(taxels), (1, 1))
+    rows = [f"{name},{x},{y},{z}" for part in points.tolist() for name, (x, y, z) in zip(taxels.ids, part)]
     path = tmp_path / "touches.csv"
     path.write_text("\n".join(["taxel,x,y,z", *rows]) + "\n")
     return path
+
+
+def axes_of(taxels):
+    """Return the unit vectors along the rows and across them, shape (n, 2, 3)."""
+    return np.stack((taxels.tangents_link, np.cross(taxels.normals_link, taxels.tangents_link)), axis=1)
 
 
 def taxels_of(bpy, ours):
@@ -38,17 +45,18 @@ def shown(bpy, ours):
 
 
 def test_touches_are_reported_drawn_and_removed(bpy, ours, table):
-    """The panel has text, the view has lines of 2 mm; Ctrl-Z and the button remove both."""
+    """The panel has text, the view has lines; Ctrl-Z and the button remove both."""
     bpy.ops.ed.undo_push(message="start")
     assert bpy.ops.skin_calib.touches("EXEC_DEFAULT", True, filepath=str(table)) == {"FINISHED"}
     found = bpy.context.object.skin_calib.inspect.touches
     assert (
-        found.remarks.splitlines()[0].startswith("6 touches, distance along the skin: mean 2.00")
+        found.remarks.splitlines()[0].startswith("294 touches, distance along the skin: mean 4.")
         and len(found.warnings) == 0
     )
-    assert "Shifted 2.0" in found.remarks
+    assert "Shifted 1.99 +- 0.18 mm" in found.remarks
     (lines,) = shown(bpy, ours)
-    assert_allclose(np.linalg.norm(lines.points[1::2] - lines.points[::2], axis=1), 0.002, rtol=1e-4)
+    lengths = np.linalg.norm(lines.points[1::2] - lines.points[::2], axis=1)
+    assert len(lengths) == 294 and 0.0078 < lengths.max() < 0.0082
     bpy.ops.ed.undo()
     assert not bpy.context.object.skin_calib.inspect.touches.file and shown(bpy, ours) == []
     bpy.ops.skin_calib.touches(filepath=str(table))
@@ -68,15 +76,15 @@ def test_skins_move_to_where_they_were_touched(bpy, ours, table):
     settings = bpy.context.object.skin_calib
     assert settings.result.outdated and not settings.skins[0].centred
     stated = ours.plans.read_plan(bpy.context.object, bpy.context.scene).skins[0].registration
-    assert 0 < stated.origin < 1e-4 and 0 < stated.direction < 0.01 and stated.anchor is not None
+    assert 0 < stated.origin < 2e-4 and 0 < stated.direction < 0.02 and stated.anchor is not None
     with pytest.raises(RuntimeError, match="Fit the link again first"):
         bpy.ops.skin_calib.touches_move()
     bpy.ops.skin_calib.fit()
     after = taxels_of(bpy, ours).positions_link
-    assert_allclose(np.linalg.norm(after - before, axis=1), 0.002, rtol=0, atol=2e-5)
+    assert_allclose(np.linalg.norm(after - before, axis=1), 0.002, rtol=0, atol=3e-4)
     bpy.ops.skin_calib.touches(filepath=str(table))
     text = bpy.context.object.skin_calib.inspect.touches.remarks
-    assert "Shifted 0.00 +-" in text, text
+    assert "not significant" in text, text
     bpy.ops.ed.undo()
     assert ours.plans.read_plan(bpy.context.object, bpy.context.scene) == plan
 

@@ -167,9 +167,14 @@ def test_touches_on_a_forearm_find_the_placement_of_its_sheet():
     )
     (found,) = placements(small_calibration(patches=(patch,), surfaces=(plane(),)), touches)
     assert len(found.outliers) == 0 and np.sqrt(np.mean(found.distances**2)) < 1.05 * found.expected_rms
-    assert np.linalg.norm(found.motion.shift) < 0.5e-3 and abs(found.motion.turn) < np.deg2rad(0.5)
-    moved = replace(patch, taxels=replace(patch.taxels, positions_link=positions + 0.003 * np.array((0, 0, 1.0))))
+    flat = found.flat.mean(axis=0)[None]
+    assert np.linalg.norm(found.motion.at(flat)) < 0.5e-3 and abs(found.motion.turn) < np.deg2rad(0.5)
+    up = 0.003 * np.array((0, 0, 1.0))
+    taxels = patch.taxels
+    taxels = replace(taxels, positions_link=positions + up, corners_link=taxels.corners_link + up)
+    moved = replace(patch, taxels=taxels)
     (off,) = placements(small_calibration(patches=(moved,), surfaces=(plane(),)), touches)
     across = np.cross(normals, tangents)[:, 2].mean()
-    assert_allclose(off.motion.shift - found.motion.shift, (0, -0.003 * across), rtol=0, atol=0.3e-3)
+    (shift,) = off.motion.at(flat) - found.motion.at(flat)
+    assert_allclose(shift, (0, -0.003 * across), rtol=0, atol=0.3e-3)
     assert off.motion.is_certain
