@@ -54,7 +54,8 @@ def run(options: argparse.Namespace) -> int:
         say(f"forces           {directions.summary()}")
     _report(found)
     of_fit = result.warnings if result else ()
-    of_forces = directions.warnings() if directions else ()
+    in_order = not any(placement.wiring.order.words for placement in found)
+    of_forces = directions.warnings() if directions and in_order else ()
     warn((*of_fit, *of_forces, *(warning for placement in found for warning in placement.warnings())))
     if options.refine and plan and result:
         refined = refine(plan, result, touches)

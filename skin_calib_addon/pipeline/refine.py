@@ -106,9 +106,8 @@ def _check_order(placement: Placement) -> None:
             "Correct the channels first."
         )
     if not wiring.is_certain:
-        names = [order.words or "the planned order" for order in (wiring.order, *wiring.rivals)]
         raise InvalidPlan(
-            f"the touches of skin {name!r} fit several orders of its channels: {listed(names)}. "
+            f"the touches of skin {name!r} fit several orders of its channels: {listed(wiring.candidates)}. "
             "Touch both ends of its rows and columns."
         )
 

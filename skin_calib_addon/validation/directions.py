@@ -22,7 +22,7 @@ MIN_FORCES = 8
 MIN_NEAR_NORMAL = 0.7
 # [standard errors] of an offset or of a mean angle that is named: one of its components. With few touches standard
 # errors are uncertain: for m touches the limit is (1 + FEW / m) times as large. Larger: fewer false alarms.
-MIN_SIGNIFICANCE, FEW = 3.6, 8
+MIN_SIGNIFICANCE, FEW = 3.9, 8
 # [rad] Mean angle to the normal from which on a warning is given. Larger: fewer warnings.
 MIN_LEAN = np.deg2rad(8.0)
 # [N] Usual offset of a force sensor. Larger: no effect but on offsets along the normal of a flat skin.
@@ -35,6 +35,9 @@ MAX_MOMENT_RATIO = 0.3
 # [1] Standard errors of offsets from moments are too small by at most this factor, as moments depend on the forces.
 # Larger: fewer false alarms.
 MOMENT_CAUTION = 1.4
+# [1] Length of the mean normal from which on all normals are alike: an offset and presses that lean are then the same.
+# Larger: removes forces of presses that lean.
+MAX_ALIKE = 0.95
 ROBUST_SCALE = 2.0  # Distance with weight one half, in standard deviations. Larger: outliers have more influence.
 REWEIGHTING_STEPS = 20  # Larger: more exact.
 
@@ -94,7 +97,7 @@ class Directions:
             message += (
                 "The lines of action are computed without it."
                 if self.is_of_sensor
-                else "The moments agree with it, so it stays in the lines of action."
+                else "It stays in the lines of action: the moments agree with it, or all normals are alike."
             )
             advice = "Tare the sensor, or press along the normals."
             yield Warning("force-offset", "warning", message, value=float(np.linalg.norm(self.offset)), advice=advice)
@@ -192,7 +195,9 @@ def _offset(axes: Array, forces: Array, moments: Array) -> tuple[Array, Array, b
             mean = np.linalg.solve(covariance, found) + np.linalg.solve(other_covariance, other)
             covariance = np.linalg.inv(precision)
             found = covariance @ mean
-    return (found, covariance, True) if is_named else (np.zeros(3), covariance, False)
+            return (found, covariance, True) if is_named else (np.zeros(3), covariance, False)
+    varies = np.linalg.norm(np.cross(axes[:, 0], axes[:, 1]).mean(axis=0)) < MAX_ALIKE
+    return (found if is_named else np.zeros(3)), covariance, bool(is_named and varies)
 
 
 def _is_significant(offset: Array, covariance: Array, count: int) -> bool:

@@ -178,19 +178,18 @@ class Placement:
         if len(self.rows) < MIN_TOUCHES:
             return
         name, place, wiring = self.patch.name, Place(skin=self.patch.name), self.wiring
-        first, *others = [order.words or "the planned order" for order in (wiring.order, *wiring.rivals)]
-        others += [wiring.order.motion] if wiring.order.motion else []
         if 1 - wiring.explained > MAX_UNEXPLAINED:
             count = round((1 - wiring.explained) * len(self.rows))
             message = f"{count} of {len(self.rows)} touches of {name} fit neither its taxels nor another known order."
             advice = "Check the channels, and the frame of the touches."
             yield Warning("unexplained-touches", "warning", message, place, float(count), advice)
         elif not wiring.is_certain:
-            message = f"The touches of {name} fit several orders of its channels: {first}; or {_listed(others)}."
+            message = f"The touches of {name} fit several orders of its channels: {_listed(wiring.candidates)}."
             advice = "Touch both ends of its rows and columns."
             yield Warning("channel-order", "warning", message, place, wiring.odds, advice)
         elif wiring.order.words:
-            message = f"The touches of {name} fit another order of its channels: {first} (odds {_odds(wiring.odds)})."
+            order = f"{wiring.order.words} (odds {_odds(wiring.odds)})"
+            message = f"The touches of {name} fit another order of its channels: {order}."
             yield Warning("channel-order", "warning", message, place, wiring.odds, "Correct the order of the channels.")
 
     @cached_property

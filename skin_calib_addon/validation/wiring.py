@@ -52,6 +52,12 @@ class Wiring:
     explained: float  # fraction of the touches that the order explains
 
     @property
+    def candidates(self) -> list[str]:
+        """Orders that fit, the most probable one first, and a motion of the skin that touches cannot distinguish."""
+        words = [order.words or "the planned order" for order in (self.order, *self.rivals)]
+        return words + ([self.order.motion] if self.order.motion else [])
+
+    @property
     def is_certain(self) -> bool:
         """Whether no other order, and no motion of a skin with the planned order, explains the touches as well."""
         return not self.rivals and not self.order.motion

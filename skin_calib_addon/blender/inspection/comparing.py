@@ -87,7 +87,7 @@ def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
     directions, _ = directions_of(calibration, touches)
     if directions:
         lines.append(f"Forces: {directions.summary()}")
-    of_forces = directions.warnings() if directions else ()
+    of_forces = directions.warnings() if directions and not any(p.wiring.order.words for p in found) else ()
     warnings = (*of_forces, *(warning for p in found for warning in p.warnings()))
     _keep(link, "touches", path, lines, warnings, np.concatenate([p.places for p in found]), touches_of(found))
     return found

@@ -53,7 +53,10 @@ def test_a_force_of_the_contact_stays_in_the_lines_of_action():
     assert touches is given and not found.is_of_sensor
     assert_allclose(found.offset, (0, 0, 3), atol=1.0)
     warning = next(found.warnings())
-    assert warning.code == "force-offset" and "The moments agree with it" in warning.message
+    assert (
+        warning.code == "force-offset"
+        and "It stays in the lines of action: the moments agree with it" in warning.message
+    )
 
 
 def test_forces_along_the_normals_give_no_warning():

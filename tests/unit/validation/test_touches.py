@@ -267,6 +267,7 @@ def test_columns_of_a_sheet_that_closes_round_a_limb_are_ambiguous():
     )
     assert found.wiring.order.words == "halves of the rows swapped" and not found.wiring.is_certain
     assert "a skin that is 110 mm further round the limb" in next(found.warnings()).message
+    assert found.wiring.candidates[0] == "halves of the rows swapped"
 
 
 def test_two_boards_in_another_order_are_named():
