@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     if options.picture:
         from ..pictures.touches import draw_touches  # matplotlib is optional
 
-        draw_touches(found, options.picture)
+        draw_touches(found, options.picture, directions)
     return DONE
 
 

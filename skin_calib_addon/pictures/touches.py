@@ -1,4 +1,4 @@
-"""Picture of touches: on the flat skin, and all of them on one cell."""
+"""Picture of touches: on the flat skin, all of them on one cell, and the angles of their forces."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,25 +7,30 @@ from typing import Any
 import numpy as np
 
 from ..common.errors import SkinCalibError
+from ..validation.directions import Directions
 from ..validation.flat import flat_places
 from ..validation.placement import Placement
 from .calibration import blank, save_png
 
 FIGURE_WIDTH = 12.0  # [inches]
+ANGLE_STEP = 2.5  # of the histogram of angles [degrees]
 PATCH_HEIGHT = 4.8  # height of one patch [inches]
 
 
-def draw_touches(found: Sequence[Placement], path: str | Path) -> None:
-    """Draw each flat patch with its touches, and all touches on one cell, into a PNG file."""
+def draw_touches(found: Sequence[Placement], path: str | Path, directions: Directions | None = None) -> None:
+    """Draw each flat patch with its touches, all touches on one cell, and the angles of forces, into a PNG file."""
     shown = [placement for placement in found if placement.patch.kind != "imported" and len(placement.rows)]
     if not shown:
         raise SkinCalibError("no picture: only touches on sheets and boards can be drawn, as these have a flat shape")
-    figure = blank(FIGURE_WIDTH, PATCH_HEIGHT * len(shown))
+    rows = len(shown) + (directions is not None)
+    figure = blank(FIGURE_WIDTH, PATCH_HEIGHT * rows)
     figure.set_layout_engine("constrained")  # legends are below the axes
-    axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))
+    axes = figure.subplots(rows, 2, squeeze=False, width_ratios=(2, 1))
     for (map_axis, cell_axis), placement in zip(axes, shown):
         _draw_map(map_axis, placement)
         _draw_cell(cell_axis, placement)
+    if directions is not None:
+        _draw_angles(axes[-1, 0], axes[-1, 1], directions)
     save_png(figure, path)
 
 
@@ -86,6 +91,30 @@ def _draw_cell(axis: Any, placement: Placement) -> None:
     axis.set_xlabel("along the row [mm]")
     axis.set_ylabel("across [mm]")
     _add_legend(axis)
+
+
+def _draw_angles(angle_axis: Any, tilt_axis: Any, directions: Directions) -> None:
+    """Draw how many forces have which angle to the normal, and how they lean along the rows and across."""
+    angles, tilts = np.rad2deg(directions.angles), np.rad2deg(directions.tilts)
+    angle_axis.hist(angles, bins=np.arange(0, 91, ANGLE_STEP), color="#1f77b4", alpha=0.7, label="touches")
+    angle_axis.axvline(angles.mean(), color="#d62728", label="mean")
+    if directions.resolution is not None:
+        angle_axis.axvline(np.rad2deg(directions.resolution), color="0.4", linestyle="--", label="noise of the sensor")
+    angle_axis.set_title(f"angle between force and normal: mean {angles.mean():.1f}°", loc="left")
+    angle_axis.set_xlabel("angle [degrees]")
+    angle_axis.set_ylabel("touches")
+    tilt_axis.plot(*tilts.T, "o", color="#1f77b4", markersize=3, alpha=0.6, label="touch")
+    x, y = np.rad2deg(directions.mean_tilt)
+    dx, dy = 2 * np.rad2deg(directions.tilt_error)
+    tilt_axis.errorbar(x, y, dy, dx, color="#d62728", linewidth=2, label="mean, two standard errors")
+    tilt_axis.set_title(f"leans by {x:.1f}° along, {y:.1f}° across", loc="left")
+    tilt_axis.set_xlabel("along the row [degrees]")
+    tilt_axis.set_ylabel("across [degrees]")
+    tilt_axis.axhline(0, color="0.8", linewidth=0.6, zorder=0)
+    tilt_axis.axvline(0, color="0.8", linewidth=0.6, zorder=0)
+    tilt_axis.set_aspect("equal", adjustable="datalim")
+    for axis in (angle_axis, tilt_axis):
+        _add_legend(axis)
 
 
 def _add_legend(axis: Any) -> None:

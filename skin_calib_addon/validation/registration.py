@@ -48,6 +48,9 @@ MAX_SIDE_COSINE = 0.7
 # [fraction of the cell size] Touches whose positions in their cells are nearer are alike. Larger: random touches are
 # alike. Smaller: the noise of the probe hides a raster.
 PHASE_RADIUS = 0.15
+# [fraction of the cell size] Standard error of a shift up to which it can explain touches. Larger: a shift that nothing
+# determines explains touches of wrong channels.
+MAX_UNCERTAIN = 0.15
 FADE = 0.7  # [1] of the blur from grid to grid. Larger: more grids. Smaller: may miss the best motion.
 # [1] Fractions of the touches that report anything. More: better standard errors with many wrong channels.
 CHANCES = (0.03, 0.1, 0.3)
@@ -206,14 +209,16 @@ class Evidence:
         motion, blur = np.zeros(3), 0.0
         if found is not None:
             motion = found.mean
-            blur = float(motion_of(found, self.arms.mean(axis=0)).shift_error.max())
+            error = float(motion_of(found, self.arms.mean(axis=0)).shift_error.max())
+            blur = min(error, MAX_UNCERTAIN * self.cell_size)
         noise = max(self.probable(motion, blur), key=lambda noise: noise.edge)._replace(chance=0.0)
         (ratio,) = self.ratios(motion[None], [noise], blur)
         return np.asarray((1 - CHANCES[1]) * ratio[0] / (CHANCES[1] + (1 - CHANCES[1]) * ratio[0]))
 
     def log_likelihood(self, motions: Array, noises: Sequence[Noise], blur: float) -> Array:
         """Return the logarithm of the probability of all reports relative to chance, shape (g,)."""
-        return log_mean(np.array([np.log(ratio) @ self.weights for ratio in self.ratios(motions, noises, blur)]))
+        parts = np.array([np.log(ratio) @ self.weights for ratio in self.ratios(motions, noises, blur)])
+        return log_mean(parts) + np.log(len(noises))  # the others have no probability
 
     def log_prior(self, motions: Array) -> Array:
         """Return the logarithm of the probability density of motions of glued skins (g, 3)."""
@@ -258,12 +263,16 @@ def posterior(evidence: Evidence) -> Posterior:
     local = replace(evidence, arms=evidence.arms - middle, planned=_about(evidence.planned, middle))
     mean, axes = local.planned, np.diag((MAX_SHIFT, MAX_SHIFT, MAX_TURN))
     arm = np.append(1.0, np.sqrt((local.arms**2).sum(axis=1).mean()))
-    width = np.inf
+    width, is_last = np.inf, False
     for k in range(MAX_ROUNDS):
         motions = mean + lattice @ axes.T
         step = axes * 2 / (SIDE - 1)
         # half a step of the grid, per axis of the position
-        blur = 0.5 * FADE**k * float(np.sqrt(((step[:2] ** 2).sum() + (step[2] ** 2).sum() * arm[1] ** 2) / 2))
+        blur = (
+            0.0
+            if is_last
+            else 0.5 * FADE**k * float(np.sqrt(((step[:2] ** 2).sum() + (step[2] ** 2).sum() * arm[1] ** 2) / 2))
+        )
         noises = local.probable(mean, blur)
         density = local.log_likelihood(motions, noises, blur) + local.log_prior(motions)
         weights = np.exp(density - density.max())
@@ -273,8 +282,9 @@ def posterior(evidence: Evidence) -> Posterior:
         covariance = (weights[:, None] * (motions - mean)).T @ (motions - mean) + step @ step.T / 12
         before, width = width, float(np.linalg.det(covariance)) ** (1 / 6)
         axes = HALF_WIDTH * np.linalg.cholesky(covariance)
-        if abs(before / width - 1) < ROUND_TOLERANCE:
+        if is_last:
             break
+        is_last = abs(before / width - 1) < ROUND_TOLERANCE or k == MAX_ROUNDS - 2
     covariance = covariance - step @ step.T / 12
     back = _moving(-middle)
     return Posterior(back @ mean, back @ covariance @ back.T, log_evidence)

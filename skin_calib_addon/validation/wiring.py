@@ -20,7 +20,7 @@ from .registration import CHANCES, MAX_SHIFT, USUAL_SHIFT, Evidence, log_mean, p
 MIN_ODDS = 3.0
 # [1] Logarithm of the odds of the planned order and any other before any touch, and of those of any exchange of two
 # rows, columns or boards. Larger: more touches for another order.
-PLANNED_ODDS, EXCHANGED_ODDS = 4.0, 6.0
+PLANNED_ODDS, EXCHANGED_ODDS = 4.0, 7.0
 # [1] Touches that judge an order. Larger: more time.
 MAX_JUDGED = 200
 # [1] Orders that are registered exactly, after a coarse comparison of all. Larger: more time, safer.
@@ -74,10 +74,17 @@ def judge(patch: Patch, rows: IntArray, points: Array, directions: Array, planne
     finalists = {0, *np.argsort(-scores)[:FINALISTS].tolist()}
     exact = sorted(((prior[k] + seen.log_evidence(found[k].rows, planned), k) for k in finalists), reverse=True)
     best = exact[0][0]
-    rivals = tuple(found[k] for score, k in exact[1:] if score > best - MIN_ODDS)
     order = found[exact[0][1]]
+    explained = seen.explained(order.rows, planned)
+    rivals = tuple(found[k] for score, k in exact[1:] if score > best - MIN_ODDS)
+    # touches at the border of two columns fit both orders of these; an exchange has to explain what is unexplained
+    rivals = tuple(
+        rival
+        for rival in rivals
+        if rival.prior_odds != EXCHANGED_ODDS or (seen.explained(rival.rows, planned) & ~explained).any()
+    )
     odds = float(best - exact[1][0]) if len(exact) > 1 else np.inf
-    return Wiring(order, odds, rivals, seen.explained(order.rows, planned))
+    return Wiring(order, odds, rivals, float(explained.mean()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,11 +145,11 @@ class _Seen:
             return float(evidence.log_likelihood(still, evidence.probable(still[0], 0.0), 0.0)[0])
         return posterior(evidence).log_evidence
 
-    def explained(self, rows: IntArray, planned: Array) -> float:
-        """Return the fraction of the touches that an order explains."""
+    def explained(self, rows: IntArray, planned: Array) -> BoolArray:
+        """Return which touches (m,) an order explains."""
         evidence = self.evidence(rows, planned)
         found = None if self.patch.kind == "imported" else posterior(evidence)
-        return float((evidence.explained(found) > 0.5).mean())
+        return evidence.explained(found) > 0.5
 
     def evidence(self, rows: IntArray, planned: Array) -> Evidence:
         """Return what the touches report if these taxels (m,) felt them."""

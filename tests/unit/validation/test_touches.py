@@ -98,6 +98,30 @@ def test_a_raster_in_step_with_the_cells_moves_nothing():
     assert warning.message.startswith("Most touches of sheet are at the same position in their cells")
 
 
+def test_standard_errors_of_a_raster_cover_every_phase():
+    """40 touches at the same position in their cells, anywhere there, with 0.5 mm of noise."""
+    scores = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        rows = rng.permutation(ROWS * COLUMNS)[:40]
+        flat = flat_places(SHEET, SHEET.taxels.index[rows]) + PITCH * rng.uniform(-0.5, 0.5, 2)
+        (found,) = placements(
+            CALIBRATION, touched(CALIBRATION, rows, on_sheet(*(flat + rng.normal(0, 5e-4, (40, 2))).T))
+        )
+        scores += (np.abs(found.motion.shift) / found.motion.shift_error).tolist()
+    assert np.less(scores, 2).mean() > 0.95
+
+
+def test_corners_may_go_round_a_cell_in_either_direction():
+    """Files of other programs have both."""
+    rows = np.random.default_rng(0).integers(0, ROWS * COLUMNS, 40)
+    touches = touched(CALIBRATION, rows, points_after_motion(rows, (0.002, 0.001), 0.0, PITCH))
+    taxels = dataclasses.replace(SHEET.taxels, corners_link=SHEET.taxels.corners_link[:, ::-1])
+    other = small_calibration(patches=(dataclasses.replace(SHEET, taxels=taxels),))
+    (one,), (same,) = placements(CALIBRATION, touches), placements(other, touches)
+    assert_allclose(same.motion.shift, one.motion.shift, rtol=0, atol=1e-9)
+
+
 def test_readings_of_several_taxels_give_more_than_the_strongest():
     """With them the same presses have standard errors of less than half."""
     rng = np.random.default_rng(2)
