@@ -59,8 +59,11 @@ class Ground:
 
         It may where the mesh is near and continues below it, inside the boundary, outside of all zones.
         """
-        points, normals = self.surface.points(uv), self.surface.normals(uv)
-        free = np.ones(len(uv), bool)
+        return self.covers_at(self.surface.points(uv), self.surface.normals(uv))
+
+    def covers_at(self, points: Array, normals: Array) -> BoolArray:
+        """Return the same of points (k, 3) [m] on or above the surface, with the normals (k, 3) there."""
+        free = np.ones(len(points), bool)
         if self.fit is not None and self.fit.lines.region is not None:
             free &= self.fit.lines.region(points)
         for point, centre, radius in zip(*self._zones):

@@ -197,13 +197,14 @@ class Layout:
     def placed(self, pose: Poses, cells: IntArray, places: Array | None = None) -> tuple[WrappedBoards, Array]:
         """Return boards at a pose, and the distances of their flat positions from the map (n,) [m].
 
-        Places (n, 3) have the shifts of boards from their cells, along the rows and across [m], and turns [rad].
+        Places (n, 3) have the shifts of boards from their cells, along the rows and across [m], and turns [rad]; NaN of
+        boards that are not shifted.
         """
-        places = np.zeros((len(cells), 3)) if places is None else places
+        places = np.full((len(cells), 3), np.nan) if places is None else places
+        shifted, places = ~np.isnan(places[:, 0]), np.nan_to_num(places)
         angle = float(pose.angles[0])
         uv, missed = self.to_flat.inverse(self.search.centres(pose, cells)[0] + places[:, :2] @ axes_at(angle))
         tangents = tangential(self.to_flat.directions(uv, angle + places[:, 2]), self.surface.normals(uv))
-        shifted = places.any(axis=1)
         return WrappedBoards(self.surface, self.offset, self.lattice, cells, uv, tangents, shifted), missed
 
     def complete(self, pose: Poses) -> WrappedBoards:
@@ -328,7 +329,7 @@ class Layout:
         pose, complete = self.at_start
         uv = boards.uv.copy()
         uv[:, 1] += np.where(self.surface.closed[1], np.rint(self.to_flat.start[1] - uv[:, 1]), 0.0)
-        known, _ = self._of_list(boards.cells, np.zeros((len(uv), 3)), pose, complete)
+        known, _ = self._of_list(boards.cells, np.full((len(uv), 3), np.nan), pose, complete)
         steps = self.to_flat(uv) - self.search.centres(pose, boards.cells)[0]
         turns = self.to_flat.angles(uv, boards.tangents) - pose.angles[0]
         turns = (turns + np.pi) % (2 * np.pi) - np.pi
@@ -383,12 +384,25 @@ class Layout:
                 place=Place(point_of(place)),
             )
         overhangs = -self.clearances(boards)
-        return boards, np.where(overhangs > TOUCH * self.lattice.side, overhangs, 0.0)
+        overhangs[overhangs <= TOUCH * self.lattice.side] = 0.0
+        over = np.flatnonzero(overhangs)
+        overhangs[over[self._is_on_ground(boards[over])]] = 0.0
+        return boards, overhangs
+
+    def _is_on_ground(self, boards: WrappedBoards) -> BoolArray:
+        """Return which boards have their outline over the ground in space: where a map folds, its border is wrong."""
+        corners = boards.corners()
+        parts = np.arange(OUTLINE_SAMPLES)[:, None, None, None] / OUTLINE_SAMPLES
+        outline = corners + parts * (np.roll(corners, -1, axis=1) - corners)
+        normals = np.broadcast_to(boards.normals[:, None], outline.shape)
+        covered = self.ground.covers_at(outline.reshape(-1, 3), normals.reshape(-1, 3))
+        found: BoolArray = covered.reshape(outline.shape[:3]).all(axis=(0, 2))
+        return found
 
 
 def cells_of(choice: Sequence[Cell]) -> tuple[IntArray, Array]:
-    """Return axial coordinates (n, 2) of a list of boards, and how far each is shifted (n, 3) [m, m, rad]."""
-    rows = [(*cell, 0.0, 0.0, 0.0)[:5] for cell in choice]
+    """Return axial coordinates (n, 2) of a list of boards, and how far each is shifted (n, 3) [m, m, rad], or NaN."""
+    rows = [(*cell, np.nan, np.nan, np.nan)[:5] for cell in choice]
     cells, places = np.array([row[:2] for row in rows], np.int64), np.array([row[2:] for row in rows], float)
     return cells.reshape(-1, 2), places.reshape(-1, 3)
 

@@ -186,11 +186,12 @@ def test_listed_board_shifted_from_its_place():
     """Along the rows and to their left, and rotated, on a plane whose rows are rotated; the others stay."""
     turn, origin = 0.3, np.array((0.1, 0.1, 0.0))
     rows = np.array((np.cos(turn), np.sin(turn), 0.0))
-    listed = [(0, 0), (2, -1, 0.004, 0.003, 0.1)]
+    listed = [(0, 0), (2, -1, 0.004, 0.003, 0.1), (-2, 0, 0.0, 0.0, 0.0)]
     boards, _ = lay_boards(plane_surface(0.2, 0.2), TUM, listed, origin, rows)
-    first, second = boards.points
+    first, second, third = boards.points
     x, y = TUM.centres(np.array([(2, -1)]))[0] + (0.004, 0.003)
     assert_allclose(first, origin, atol=1e-9)
     assert_allclose(second, origin + x * rows + y * np.cross((0, 0, 1), rows), atol=1e-9)
     assert_allclose(boards.tangents[1], (np.cos(turn + 0.1), np.sin(turn + 0.1), 0), atol=1e-9)
-    assert boards.shifted.tolist() == [False, True]
+    assert_allclose(third, origin - 2 * TUM.pitch * rows, atol=1e-9)
+    assert boards.shifted.tolist() == [False, True, True]  # one that is shifted by zero stays if others move apart
