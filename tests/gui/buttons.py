@@ -112,10 +112,14 @@ def _without_button(gui):
     here = gui.region("UI")
     places = [(here.x + 0.3 * here.width, y) for y in _rows(here)]
     seen = yield from _look(gui, places)
-    known, one = next((place, one) for place, one in zip(places, seen) if one)
-    # Without a button the last one is recorded again: the known one, if the mouse comes from there.
-    seen = yield from _look(gui, [at for place in places for at in (known, place)])
-    return [place for place, button in zip(places, seen[1::2]) if button == one and place != known]
+    known = {one: place for place, one in reversed([*zip(places, seen)]) if one}  # the first place of each
+    empty = set(places)
+    # Without a button the last one is recorded again: the known one, if the mouse comes from there. Twice, because a
+    # button can be at several places.
+    for one, start in [*known.items()][-2:]:
+        seen = yield from _look(gui, [at for place in places for at in (start, place)])
+        empty &= {place for place, button in zip(places, seen[1::2]) if button == one and place != start}
+    return [place for place in places if place in empty]
 
 
 def _rows(here):
