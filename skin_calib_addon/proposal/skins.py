@@ -30,6 +30,7 @@ from .boards import boards_on, open_cells
 from .candidates import DECIMALS
 from .chains import MIN_CHAIN
 from .link_points import LinkPoints
+from .surfaces import MIN_CELLS
 from .trial import site_steps
 
 FORMS = (
@@ -37,10 +38,6 @@ FORMS = (
     'More: "hexagons:8mm,gap=0.5mm,thickness=3mm,chain=3" (of at least 3 boards), "sheet:6x22x10mm,thickness=3mm".'
 )
 DEFAULT_SKIN = "hexagons:8mm"  # on eight real links these cover twice the area that boards of TUM cover
-
-
-# [1] boards that a link must have space for. Larger: more fingers and small parts stay without skin.
-MIN_BOARDS = 6
 
 
 @dataclass(frozen=True)
@@ -58,7 +55,7 @@ class SkinChoice:
         lattice = self.template.lattice
         if self.is_wanted:
             return 0.0
-        return (MIN_BOARDS if isinstance(lattice, HexLattice) else lattice.rows * lattice.columns) * self.cell
+        return (MIN_CELLS if isinstance(lattice, HexLattice) else lattice.rows * lattice.columns) * self.cell
 
     @property
     def cell(self) -> float:

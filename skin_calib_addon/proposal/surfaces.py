@@ -29,7 +29,7 @@ from .trial import Start, Trial, judged, region_size
 # [m^2] that a surface adds. Larger: fewer surfaces, less is covered, less time (4 cm^2: 5958 cm^2 with 101 surfaces,
 # 7 cm^2: 5858 with 85, instead of 5952 with 100 on the G1, before ``BOUNDARY_OPENING``).
 MIN_AREA = 5e-4
-# [cells] of a surface of small boards. Larger: fingers have fewer surfaces.
+# [boards] that a link must have space for, and a surface for small boards. Larger: more fingers stay without skin.
 MIN_CELLS = 6
 # [m^2] free area of a link up to which its round ends, such as fingertips, have surfaces of their own: a tube cannot
 # cover them. Larger: more links, with more and smaller surfaces.
