@@ -27,6 +27,7 @@ sys.path.insert(0, str(ROOT))
 from skin_calib_addon.calibration import LinkCalibration, MeshSource, Patch, TaxelArray  # noqa: E402
 from skin_calib_addon.validation import Placement, Touches, directions_of, placements, read_touches  # noqa: E402
 from skin_calib_addon.validation.flat import flat_places  # noqa: E402
+from skin_calib_addon.validation.gains import fit_gains  # noqa: E402
 from skin_calib_addon.validation.placement import MAX_UNEXPLAINED  # noqa: E402
 
 ROWS, COLUMNS, PITCH, RADIUS = 6, 20, 0.01, 0.033  # [m]; the sheet nearly closes round the limb
@@ -108,18 +109,25 @@ class Moved:
 UNMOVED = Moved(np.zeros(2), 0.0)
 
 
-def readings(on_sheet: Array, spot: float, rng: np.random.Generator, force: float = FORCE) -> Array:
-    """Return the readings (m, n) of presses at points of the sheet; a spot has the diameter ``spot`` [m]."""
+def loads_at(on_sheet: Array, spots: Array | float, forces: Array | float) -> Array:
+    """Return the loads (m, n) of presses at points of the sheet [N]; a spot has the diameter ``spots`` [m]."""
     k = np.arange(300) + 0.5
     radius, angle = np.sqrt(k / 300), k * np.pi * (1 + 5**0.5)
-    arms = spot / 2 * radius[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
+    spots, forces = (np.broadcast_to(a, len(on_sheet)) for a in (spots, forces))
+    arms = spots[:, None, None] / 2 * radius[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
     weights = np.sqrt(1 - radius**2)
     cells = np.rint((on_sheet[:, None] + arms) / PITCH).astype(int)
     inside = ((cells >= 0) & (cells < (COLUMNS, ROWS))).all(axis=2)
     loads = np.zeros((len(on_sheet), ROWS * COLUMNS))
     m, a = np.nonzero(inside)
-    np.add.at(loads, (m, cells[m, a, 1] * COLUMNS + cells[m, a, 0]), weights[a] * force / weights.sum())
-    gains = 1 + GAIN_SPREAD * rng.standard_normal(loads.shape[1])
+    np.add.at(loads, (m, cells[m, a, 1] * COLUMNS + cells[m, a, 0]), weights[a] * forces[m] / weights.sum())
+    return loads
+
+
+def readings(on_sheet: Array, spot: float, rng: np.random.Generator, force: float = FORCE) -> Array:
+    """Return the readings (m, n) of presses at points of the sheet."""
+    gains = 1 + GAIN_SPREAD * rng.standard_normal(ROWS * COLUMNS)
+    loads = loads_at(on_sheet, spot, force)
     return np.clip(np.rint(loads * gains / FULL_SCALE * (2**BITS - 1)), 0, 2**BITS - 1)
 
 
@@ -378,6 +386,59 @@ def verdict(found: Placement, cells: Array, is_there: Array) -> str:
     return "WRONG" if wiring.odds > 5 else "wrong, below 5 nats"
 
 
+def force_session(
+    count: int, rng: np.random.Generator, gains: Array, power: float = 1.0, hysteresis: float = 0.0
+) -> tuple[dict[str, Array], Array]:
+    """Return a recording at 50 Hz of presses of 2 to 12 N with readings and wrenches, and their number (t,).
+
+    A reading of a load l is ``1 - exp(-(g l / 8 N)^power)`` of the range; while a load falls, it is larger by
+    ``hysteresis``.
+    """
+    places = at_random(count, UNMOVED, rng)
+    totals = rng.uniform(2.0, 12.0, count)
+    loads = loads_at(places, 5e-3 * (totals / FORCE) ** (1 / 3), totals)
+    shape = np.concatenate((np.zeros(25), np.linspace(0, 1, 10), np.ones(30), np.linspace(1, 0, 10)))
+    factor = np.concatenate((np.zeros(50), np.tile(shape, count)))
+    press = np.concatenate((np.zeros(50, int), np.repeat(np.arange(count), len(shape))))
+    felt = gains * loads[press] * factor[:, None] * (1 + hysteresis * (np.gradient(factor) < 0))[:, None]
+    felt = 3.0 + 250 * (1 - np.exp(-((felt / 8) ** power))) + rng.normal(0, 0.7, felt.shape)
+    normals, _ = frames(places)
+    forces = -normals[press] * (totals[press] * factor)[:, None] + rng.normal(0, FORCE_NOISE, (len(press), 3))
+    moments = np.cross(on_limb(places)[press], forces)
+    columns = columns_of(np.clip(np.rint(felt), 0, 255), None, True)
+    del columns["taxel"]
+    wrenches = dict(zip(("fx", "fy", "fz", "tx", "ty", "tz"), (*forces.T, *moments.T)))
+    return {"time": np.arange(len(press)) / 50} | columns | wrenches, loads
+
+
+def response_sets(sets: int, seed: int) -> Iterator[str]:
+    """Yield the error of the total force of other presses, by the response that presses gave."""
+    for count, power, hysteresis in ((50, 1, 0), (200, 1, 0), (200, 0.7, 0), (200, 1.6, 0), (200, 1, 0.1), (600, 1, 0)):
+        errors, plain, stated, biases, named = [], [], [], [], 0
+        for k in range(max(sets // 10, 1)):
+            rng = np.random.default_rng(seed + k)
+            gains = 1 + GAIN_SPREAD * rng.standard_normal(ROWS * COLUMNS)
+            fit = fit_gains(calibration(), read(force_session(count, rng, gains, power, hysteresis)[0]))
+            columns, loads = force_session(200, rng, gains, power)
+            fresh = read(columns).readings
+            inside = loads.sum(axis=1) > 1.9  # of presses beyond the edge a part is felt
+            one = [fit.responses.get(name, fit.common) for name in fit.ids]
+            total = loads.sum(axis=1)[inside]
+            with_gains = sum(r.newtons(fresh[:, i] + 3.0) for i, r in enumerate(one))[inside]
+            common = sum(fit.common.newtons(fresh[:, i] + 3.0) for i in range(len(one)))[inside]
+            errors.append(with_gains / total - 1)
+            plain.append(common / total - 1)
+            biases.append(with_gains.sum() / total.sum() - 1)
+            stated.append(fit.rms)
+            named += fit.hysteresis is not None
+        rms, alone = (100 * np.sqrt(np.mean(np.square(np.concatenate(e)))) for e in (errors, plain))
+        yield (
+            f"response, {count} presses, power {power}, hysteresis {hysteresis}: {len(errors)} sets  rms {rms:.1f} % "
+            f"(one curve {alone:.1f} %, stated {100 * np.mean(stated):.1f} %), sum {100 * np.mean(biases):+.2f} +- "
+            f"{100 * np.std(biases):.2f} %, hysteresis named {named}  [200: 6 %, 1 %]"
+        )
+
+
 STUDIES = {
     "random": random_sets,
     "raster": raster_sets,
@@ -385,6 +446,7 @@ STUDIES = {
     "offset": offset_sets,
     "tilt": tilt_sets,
     "wiring": wiring_sets,
+    "response": response_sets,
 }
 
 

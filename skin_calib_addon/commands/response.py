@@ -15,7 +15,11 @@ from ..calibration.response import AnyResponse
 from ..calibration.response_fit import ResponseFit, fit_response
 from ..common.errors import CalibrationFormatError, UnderdeterminedFit
 from ..common.findings import did_you_mean, show
+from ..common.tables import naming_file, read_named_rows
+from ..common.text import read_text
 from ..common.warnings import Place, Warning
+from ..validation import directions_of, read_touches
+from ..validation.gains import fit_gains
 from .common import DONE, check_outputs, file_name, named_path, say, say_unused, warn
 
 
@@ -26,7 +30,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         type=named_path,
         metavar="MEASUREMENTS",
         help="CSV file with columns reading, force [N], and optionally taxel or channel; "
-        "with --modality reading and value",
+        "with --modality reading and value; or a session of touches with the readings of all taxels and wrenches",
     )
     parser.add_argument(
         "--modality", metavar="NAME", help="fit the response of this modality of the calibration, in its unit"
@@ -40,6 +44,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     check_outputs(options, options.file, options.measurements, replaces=options.file)
     calibration = load_calibration(options.file)
+    if options.modality is None and _is_session(options.measurements):
+        return _of_session(options, calibration)
     modality = None if options.modality is None else _modality(calibration, options.modality, options.file)
     quantity, unit = ("force", "N") if modality is None else ("value", modality.unit)
     measured = read_measurements(options.measurements, calibration, quantity)
@@ -61,6 +67,38 @@ def run(options: argparse.Namespace) -> int:
     say_unused(measured[0].unused)
     for one, fit in zip(measured, fits):
         say(_line(one, fit, options.modality, unit))
+    say(f"calibration      {options.output}")
+    return DONE
+
+
+def _is_session(path: Path) -> bool:
+    """Return whether a table has wrenches, as a session of touches."""
+    with naming_file(path):
+        _, header = next(read_named_rows(read_text(path)), (1, [""]))
+    return "fx" in {name.split("[")[0].split("(")[0].strip() for name in header}
+
+
+def _of_session(options: argparse.Namespace, calibration: LinkCalibration) -> int:
+    """Fit gains and a curve to presses of many taxels at once."""
+    touches = read_touches(options.measurements, calibration)
+    directions, touches = directions_of(calibration, touches)
+    try:
+        fit = fit_gains(calibration, touches)
+    except UnderdeterminedFit as problem:
+        raise UnderdeterminedFit(f"'{options.measurements}': {problem}") from problem
+    result = with_responses(calibration, {name: fit.responses.get(name, fit.common) for name in touches.felt})
+    if options.picture:
+        from ..pictures.response import draw_gains  # matplotlib is optional
+
+        draw_gains(fit, options.picture)
+    save_calibration(result, options.output)
+    warn((*(directions.warnings() if directions else ()), *fit.warnings()))
+    say_unused(touches.unused)
+    low, high = fit.common.readings[0], fit.common.readings[-1]
+    say(f"usual taxel      table of {len(fit.common.readings)} knots on readings {low:g} to {high:g}")
+    say(f"gains            {fit.gains.min():.2f} to {fit.gains.max():.2f} of {len(fit.gains)} taxels")
+    errors = f"by the other presses within {fit.rms:.1%} (rms), sum {fit.bias:+.1%}"
+    say(f"total force      {fit.used.sum()} of {len(fit.used)} presses; {errors}")
     say(f"calibration      {options.output}")
     return DONE
 

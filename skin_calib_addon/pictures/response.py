@@ -7,6 +7,7 @@ import numpy as np
 
 from ..calibration.measurements import Measurements
 from ..calibration.response_fit import ResponseFit, predicted
+from ..validation.gains import GainFit
 from .calibration import blank, save_png
 
 # Points of a drawn curve. Larger: smoother.
@@ -44,5 +45,28 @@ def draw_responses(
     residuals = np.concatenate([fit.residuals for fit in fits])
     curves.set_title(f"{sum(len(one.forces) for one in measured)} measurements")
     errors.set_title(f"rms {np.sqrt(np.mean(residuals**2)):.3g} {unit}, largest {np.abs(residuals).max():.3g} {unit}")
+    figure.tight_layout()
+    save_png(figure, path)
+
+
+def draw_gains(fit: GainFit, path: str | Path) -> None:
+    """Draw the response of each taxel, and the total forces by the other presses, into a PNG file."""
+    figure = blank(11, 4.6)
+    curves, totals = figure.subplots(1, 2)
+    for response in fit.responses.values():
+        curves.plot(response.readings, response.forces, color="C0", alpha=0.3, linewidth=0.8)
+    curves.plot(fit.common.readings, fit.common.forces, color="#d62728", linewidth=2, label="usual taxel")
+    curves.set_xlabel("reading")
+    curves.set_ylabel("force [N]")
+    curves.set_title(f"{len(fit.gains)} taxels, gains {fit.gains.min():.2f} to {fit.gains.max():.2f}")
+    measured, computed = fit.forces[fit.used], fit.predicted[fit.used]
+    totals.plot([0, measured.max()], [0, measured.max()], color="0.4", linewidth=0.8)
+    totals.plot(measured, computed, ".", color="C0", alpha=0.6, markersize=4)
+    totals.set_xlabel("measured total force [N]")
+    totals.set_ylabel("force by the other presses [N]")
+    totals.set_title(f"{len(measured)} presses, rms {fit.rms:.1%}, sum {fit.bias:+.1%}")
+    for axis in (curves, totals):
+        axis.grid(alpha=0.3)
+    curves.legend(fontsize=8)
     figure.tight_layout()
     save_png(figure, path)

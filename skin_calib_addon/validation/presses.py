@@ -40,6 +40,8 @@ class Presses:
 
     recorded: Recorded
     numbers: IntArray  # (n,) of the press of each row; negative between presses
+    rest: Array | None = None  # (k,) readings without contact, which are subtracted; None: not known
+    sign: int = 1  # -1: readings fall with force, and are the negative of those in the file
     force_noise: float | None = None  # of a press, per axis [N]; None: not known
 
 
@@ -49,11 +51,23 @@ def find_presses(recorded: Recorded, centres: dict[str, Array]) -> Presses:
         numbers = np.rint(recorded.presses).astype(np.int64)
         if (numbers < 0).all():
             raise TableError(int(recorded.lines[0]), 'no row has a number in the column "press"')
-        return Presses(recorded, numbers)
+        return _tared(recorded, numbers, np.arange(len(numbers)) < int(np.argmax(numbers >= 0)))
     has_force = recorded.wrenches is not None or recorded.readings.shape[1] > 0
     if recorded.times is not None and has_force:
         return _by_force(recorded, recorded.times)
     return Presses(recorded, _by_place(recorded, centres))
+
+
+def _tared(recorded: Recorded, numbers: IntArray, at_rest: BoolArray) -> Presses:
+    """Subtract the medians at rest, if enough rows are. Readings that then differ most below zero fall with force."""
+    if at_rest.sum() < MIN_REST_ROWS:
+        return Presses(recorded, numbers)
+    rest, wrenches = np.median(recorded.readings[at_rest], axis=0), recorded.wrenches
+    readings = recorded.readings - rest
+    if wrenches is not None:
+        wrenches = wrenches - np.median(wrenches[at_rest], axis=0)
+    sign = -1 if readings.size and -readings.min() > readings.max() else 1
+    return Presses(replace(recorded, readings=sign * readings, wrenches=wrenches), numbers, rest, sign)
 
 
 def _by_place(recorded: Recorded, centres: dict[str, Array]) -> IntArray:
@@ -94,20 +108,17 @@ def _by_force(recorded: Recorded, times: Array) -> Presses:
     if at_rest.sum() < MIN_REST_ROWS:
         message = f"the first {REST_TIME:g} s have {at_rest.sum()} rows, which are too few for a tare"
         raise TableError(line, f"{message}. Record {MIN_REST_ROWS} rows without contact, or number the presses")
-    readings, wrenches = recorded.readings, recorded.wrenches
-    readings = readings - np.median(readings[at_rest], axis=0)
-    noise, total = None, readings.sum(axis=1)
+    numbers = np.full(len(times), -1, np.int64)
+    tared = _tared(recorded, numbers, at_rest)
+    wrenches, noise, total = tared.recorded.wrenches, None, tared.recorded.readings.sum(axis=1)
     if wrenches is not None:
-        wrenches = wrenches - np.median(wrenches[at_rest], axis=0)
         noise = float(np.sqrt((wrenches[at_rest, :3] ** 2).mean()))
         total = np.linalg.norm(wrenches[:, :3], axis=1)
-    recorded = replace(recorded, readings=readings, wrenches=wrenches)
     smooth = _low_pass(total, times)
     rest = smooth[at_rest]
     usual = float(np.median(rest))
     sigma = 1.4826 * float(np.median(np.abs(rest - usual)))
     limit = usual + max(PRESS_SIGMA * sigma, MIN_PRESS_FORCE * float(smooth.max() - usual))
-    numbers = np.full(len(times), -1, np.int64)
     count, sizes = 0, []
     for first, last in _runs(smooth > limit):
         if times[last] - times[first] < MIN_PRESS_TIME:
@@ -121,7 +132,7 @@ def _by_force(recorded: Recorded, times: Array) -> Presses:
         message = "no press was found" if count == 0 else "the skin is pressed in the first second"
         raise TableError(line, f"{message}. Record {REST_TIME:g} s without contact, then the presses, or number them")
     of_medians = None if noise is None else noise * float(np.sqrt(np.pi / 2 / np.median(sizes)))
-    return Presses(recorded, numbers, of_medians)
+    return replace(tared, force_noise=of_medians)
 
 
 def _runs(is_on: BoolArray) -> list[tuple[int, int]]:

@@ -54,6 +54,7 @@ class Touches:
     readings: Array = field(default_factory=lambda: np.empty((0, 0)))  # (n, k) of these taxels; empty without
     force_noise: float | None = None  # standard deviation per axis of the force of a touch [N]; None: not known
     rows: int = 0  # of the file
+    recording: Presses | None = None  # the rows of the file
 
     def __post_init__(self):
         n = len(self.taxels)
@@ -245,6 +246,7 @@ def _touches(presses: Presses, columns: _Columns) -> Touches:
         readings,
         presses.force_noise,
         len(recorded.lines),
+        presses,
     )
 
 
