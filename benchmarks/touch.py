@@ -28,6 +28,7 @@ from skin_calib_addon.calibration import LinkCalibration, MeshSource, Patch, Tax
 from skin_calib_addon.validation import Placement, Touches, directions_of, placements, read_touches  # noqa: E402
 from skin_calib_addon.validation.flat import flat_places  # noqa: E402
 from skin_calib_addon.validation.gains import fit_gains  # noqa: E402
+from skin_calib_addon.validation.gravity import read_orientations  # noqa: E402
 from skin_calib_addon.validation.placement import MAX_UNEXPLAINED  # noqa: E402
 
 ROWS, COLUMNS, PITCH, RADIUS = 6, 20, 0.01, 0.033  # [m]; the sheet nearly closes round the limb
@@ -439,6 +440,36 @@ def response_sets(sets: int, seed: int) -> Iterator[str]:
         )
 
 
+def gravity_sets(sets: int, seed: int) -> Iterator[str]:
+    """Yield the error of the orientation of taxels by accelerometers with an offset of .3 m/s^2 per axis."""
+    taxels = calibration().patches[0].taxels
+    axes = np.concatenate((taxels.axes_link, taxels.normals_link[:, None]), axis=1)
+    for count, noise, scale in ((10, 0.03, 0.0), (10, 0.05, 0.01), (20, 0.05, 0.01)):
+        errors, stated = [], []
+        for k in range(max(sets // 20, 1)):
+            rng = np.random.default_rng(seed + k)
+            down = rng.normal(size=(count, 3))
+            down /= np.linalg.norm(down, axis=1)[:, None]
+            scales = 1 + rng.normal(0, scale, (len(axes), 1, 3))
+            measured = scales * (-9.80665 * down @ axes.transpose(0, 2, 1)) + rng.normal(0, 0.3, (len(axes), 1, 3))
+            measured += rng.normal(0, noise, measured.shape)
+            names = np.repeat(np.array(taxels.ids), count)
+            of = dict(zip(("ax", "ay", "az"), measured.reshape(-1, 3).T))
+            of |= dict(zip(("gx", "gy", "gz"), np.tile(down, (len(axes), 1)).T))
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "rest.csv"
+                path.write_text("\n".join(table({"taxel": names} | of)) + "\n")
+                found = read_orientations(path, calibration())
+            errors.append([(*one.tilt, one.turn) for one in found])
+            stated.append([one.errors for one in found])
+        ratios = np.abs(np.array(errors) / np.array(stated))
+        yield (
+            f"orientation, {count} postures, noise {noise} m/s^2, scales {scale:.0%}: {len(errors)} x {len(axes)} "
+            f"taxels  rms {np.rad2deg(np.sqrt(np.mean(np.square(errors)))):.2f} degrees per axis, inside "
+            f"{(ratios < 1).mean():.0%} / {(ratios < 2).mean():.0%}  [.4]"
+        )
+
+
 STUDIES = {
     "random": random_sets,
     "raster": raster_sets,
@@ -447,6 +478,7 @@ STUDIES = {
     "tilt": tilt_sets,
     "wiring": wiring_sets,
     "response": response_sets,
+    "gravity": gravity_sets,
 }
 
 

@@ -25,6 +25,7 @@ UNITS = {
     **dict.fromkeys(POINT, {"m": 1.0, "cm": 1e-2, "mm": 1e-3}),
     **dict.fromkeys(WRENCH[:3], {"n": 1.0}),
     **dict.fromkeys(WRENCH[3:], {"n m": 1.0, "nm": 1.0, "n mm": 1e-3, "nmm": 1e-3}),
+    **dict.fromkeys(("ax", "ay", "az"), {"m/s^2": 1.0, "g": 9.80665}),
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
 }
 # Largest coordinate of a point [m]. A larger one is in millimetres.
@@ -107,7 +108,7 @@ class _Columns(NamedTuple):
 
     @classmethod
     def of(cls, header: list[str], line: int, calibration: LinkCalibration) -> "_Columns":
-        names, scales = zip(*(_with_unit(name, line, k + 1) for k, name in enumerate(header)))
+        names, scales = zip(*(with_unit(name, line, k + 1) for k, name in enumerate(header)))
         header = list(names)
         ids = {name.lower(): name for patch in calibration.patches for name in patch.taxels.ids}
         felt = {ids[name]: k for k, name in enumerate(header) if name in ids}
@@ -128,7 +129,7 @@ class _Columns(NamedTuple):
         return cls(owner, link, numbers, {n: scales[k] for n, k in numbers.items()}, felt, unused)
 
 
-def _with_unit(name: str, line: int, column: int) -> tuple[str, float]:
+def with_unit(name: str, line: int, column: int) -> tuple[str, float]:
     """Return the name of a column without its unit, and the size of the unit."""
     found = re.fullmatch(r"(.*?)\s*[\[(](.*)[\])]", name)
     if found is None or found[1] not in UNITS:

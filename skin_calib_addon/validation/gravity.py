@@ -1,0 +1,162 @@
+r"""Orientation of taxels with an accelerometer, from gravity in several postures of the link.
+
+At rest an accelerometer measures the specific force, which is opposite to gravity, in its own axes. In posture j
+
+.. math::
+
+    \mathbf{a}_j = \mathbf{o} - R^T \mathbf{g}_j
+
+with the offset :math:`\mathbf{o}` of the sensor and the rotation :math:`R` of its axes to the link frame. Without the
+means over all postures the offset is gone, and :math:`R` is the solution of Wahba's problem (Kabsch, 1976).
+"""
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..calibration.measurements import TaxelColumn
+from ..calibration.model import LinkCalibration
+from ..common.arrays import Array
+from ..common.errors import CalibrationFormatError
+from ..common.findings import show
+from ..common.tables import TableError, find_column, naming_file, number_in, read_named_rows
+from ..common.text import read_text
+from ..common.warnings import Place, Warning
+from .touches import with_unit
+
+ACCELERATION, DIRECTION = ("ax", "ay", "az"), ("gx", "gy", "gz")
+GRAVITY = 9.80665  # [m/s^2]
+MIN_POSTURES = 4  # of a taxel: three leave the offset open. Larger: refuses short tables.
+# [1] Smallest of the three spreads of the directions of gravity, relative to its size. Smaller: accepts postures that
+# turn about one axis, which leave a rotation open.
+MIN_SPREAD = 0.1
+# [1] Ratio of measured and true changes of gravity that a sensor can have. Wider: accepts wrong units.
+MAX_SCALE_ERROR = 0.15
+# [1] Residual relative to gravity from which on the link was not at rest. Larger: fewer refusals.
+MAX_RESIDUAL = 0.2
+# [rad], [standard errors] of a rotation that is named. Larger: fewer warnings.
+MIN_ROTATION, MIN_SIGNIFICANCE = np.deg2rad(1.0), 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Orientation:
+    """Rotation of a taxel from its place in the calibration, as its accelerometer measures it."""
+
+    taxel: str
+    postures: int
+    turn: float  # about the normal, counter-clockwise seen from outside [rad]
+    tilt: Array  # (2,) of the normal, about the tangent and about the direction across [rad]
+    errors: Array  # (3,) standard errors about tangent, across and normal [rad]
+    offset: Array  # (3,) of the accelerometer [m/s^2]
+    residual: float  # rms, per axis [m/s^2]
+
+    @property
+    def is_rotated(self) -> bool:
+        """Whether the rotation is significant."""
+        rotation = np.append(self.tilt, self.turn)
+        significant = np.abs(rotation) > MIN_SIGNIFICANCE * self.errors
+        return bool((significant & (np.abs(rotation) > MIN_ROTATION)).any())
+
+    def summary(self) -> str:
+        """Return a line about it."""
+        x, y, z = np.rad2deg(np.append(self.tilt, self.turn)) + 0.0
+        return (
+            f"{self.taxel:16} turned {z:+.1f} degrees about the normal, normal off by ({x:+.1f}, {y:+.1f}) degrees, "
+            f"+- {np.rad2deg(self.errors.max()):.1f}; {self.postures} postures"
+        )
+
+
+def read_orientations(path: str | os.PathLike[str], calibration: LinkCalibration) -> tuple[Orientation, ...]:
+    """Read what accelerometers measure at rest, and return the orientation of each taxel that has one.
+
+    The table has a row for each posture and taxel: ``taxel`` or ``channel``; ``ax``, ``ay``, ``az`` along the tangent,
+    across it and along the normal of the taxel [m/s^2]; ``gx``, ``gy``, ``gz``, the direction of gravity in the
+    frame of the link, of any length. The header can name ``[g]`` as the unit of the acceleration.
+    """
+    of: dict[str, list[tuple[int, list[float]]]] = {}
+    with naming_file(path):
+        table = read_named_rows(read_text(path))
+        line, header = next(table, (1, [""]))
+        names, scales = zip(*(with_unit(name, line, k + 1) for k, name in enumerate(header)))
+        columns = [find_column(list(names), name, line) for name in (*ACCELERATION, *DIRECTION)]
+        owner = TaxelColumn.of(list(names), line, calibration)
+        for line, row in table:
+            numbers = [number_in(row, k, line) * scales[k] for k in columns]
+            of.setdefault(owner.taxel(row, line), []).append((line, numbers))
+    if not of:
+        raise CalibrationFormatError(f"'{path}' has no row below its header")
+    axes = _axes(calibration)
+    with naming_file(path):
+        fits = [_fit(name, axes[name], rows) for name, rows in of.items()]
+    noise = np.sqrt(sum(f.squares for f in fits) / sum(3 * f.postures - 6 for f in fits))
+    return tuple(
+        Orientation(
+            name,
+            fit.postures,
+            float(np.arctan2(fit.rotation[1, 0] - fit.rotation[0, 1], fit.rotation[0, 0] + fit.rotation[1, 1])),
+            np.array((-fit.rotation[1, 2], fit.rotation[0, 2])),
+            np.sqrt(np.diag(np.linalg.inv(fit.geometry))) * noise,
+            fit.offset,
+            float(np.sqrt(fit.squares / (3 * fit.postures))),
+        )
+        for name, fit in zip(of, fits)
+    )
+
+
+def rotated(found: Sequence[Orientation]) -> Iterator[Warning]:
+    """Yield a warning about the taxels that have another orientation than the calibration states."""
+    wrong = [one for one in found if one.is_rotated]
+    if wrong:
+        worst = max(wrong, key=lambda one: float(np.hypot(one.turn, np.linalg.norm(one.tilt))))
+        message = f"{len(wrong)} of {len(found)} taxels have another orientation; the farthest: {worst.summary()}."
+        advice = "Check the sides of the boards, the order of the channels, and the axes of the accelerometers."
+        where = Place(taxels=tuple(one.taxel for one in wrong))
+        yield Warning("wrong-orientation", "warning", message, where, float(len(wrong)), advice)
+
+
+def _axes(calibration: LinkCalibration) -> dict[str, Array]:
+    """Return tangent, direction across and normal of each taxel as the columns of a matrix."""
+    out: dict[str, Array] = {}
+    for patch in calibration.patches:
+        taxels = patch.taxels
+        frames = np.stack((*np.moveaxis(taxels.axes_link, 1, 0), taxels.normals_link), axis=2)
+        out |= dict(zip(taxels.ids, frames))
+    return out
+
+
+class _Fit(NamedTuple):
+    rotation: Array  # (3, 3) from the axes of the sensor to those of the calibration
+    offset: Array  # (3,) [m/s^2]
+    geometry: Array  # (3, 3) inverse covariance of the rotation, for accelerations with the noise 1 m/s^2
+    squares: float  # of the residuals [m^2/s^4]
+    postures: int
+
+
+def _fit(taxel: str, axes: Array, rows: list[tuple[int, list[float]]]) -> _Fit:
+    """Return the rotation of a taxel with ``axes`` (3, 3) in the link frame."""
+    first, numbers = rows[0][0], np.array([row for _, row in rows])
+    size = np.linalg.norm(numbers[:, 3:], axis=1)
+    if not size.all():
+        raise TableError(rows[int(np.argmin(size))][0], "the direction of gravity is zero")
+    measured, up = numbers[:, :3], -GRAVITY * numbers[:, 3:] / size[:, None] @ axes
+    a, b = measured - measured.mean(axis=0), up - up.mean(axis=0)
+    if len(rows) < MIN_POSTURES or np.linalg.svd(b, compute_uv=False)[2] < MIN_SPREAD * GRAVITY * np.sqrt(len(rows)):
+        message = f"the {len(rows)} postures of the taxel {show(taxel)} leave its orientation open"
+        raise TableError(first, f"{message}. Turn the link so that gravity points to all sides")
+    left, values, right = np.linalg.svd(b.T @ a)
+    scale = float(values.sum() / (b**2).sum())
+    if abs(scale - 1) > MAX_SCALE_ERROR:
+        message = f"the accelerations of the taxel {show(taxel)} change by {scale:.3g} of what gravity does"
+        raise TableError(first, f"{message}. Name their unit, [m/s^2] or [g], and keep the link at rest")
+    is_mirrored = np.linalg.det(left @ right) < 0
+    rotation = left @ np.diag((1.0, 1.0, -1.0 if is_mirrored else 1.0)) @ right
+    squares = float(((a - b @ rotation) ** 2).sum())
+    if squares > 3 * len(rows) * (MAX_RESIDUAL * GRAVITY) ** 2:
+        message = f"the accelerations of the taxel {show(taxel)} do not fit gravity"
+        reason = "one or all axes have the opposite sign: at rest they point up" if is_mirrored else "the link moved"
+        raise TableError(first, f"{message}: {reason}")
+    offset = measured.mean(axis=0) - up.mean(axis=0) @ rotation
+    return _Fit(rotation, offset, np.eye(3) * (b**2).sum() - b.T @ b, squares, len(rows))

@@ -1,0 +1,79 @@
+"""Orientation of boards from accelerometers at rest."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from skin_calib_addon.common.errors import CalibrationFormatError
+from skin_calib_addon.validation.gravity import read_orientations, rotated
+from tests.samples import seven_boards, small_calibration
+
+BOARDS = seven_boards()
+CALIBRATION = small_calibration(patches=(BOARDS,))
+TURNS = np.deg2rad((0, 60, 0, 0, -120, 0, 0))  # about the normals
+TILT = np.deg2rad((0, 0, 5, 0, 0, 0, 0))  # about the tangents
+
+
+def written(folder, postures=10, noise=0.03, unit="m/s^2", edit=lambda rows: rows, seed=0):
+    """Write what accelerometers with offsets measure on boards that are rotated by `TURNS` or `TILT`."""
+    rng = np.random.default_rng(seed)
+    taxels, rows = BOARDS.taxels, []
+    down = rng.normal(size=(postures, 3))
+    for k, name in enumerate(taxels.ids):
+        x, z = taxels.tangents_link[k], taxels.normals_link[k]
+        board = Rotation.from_rotvec(TURNS[k] * z) * Rotation.from_rotvec(TILT[k] * x)
+        axes = board.apply(np.stack((x, np.cross(z, x), z)))  # of the accelerometer, in the link frame
+        specific = -9.80665 * down / np.linalg.norm(down, axis=1)[:, None]
+        measured = specific @ axes.T + rng.normal(0, 0.3, 3) + rng.normal(0, noise, (postures, 3))
+        measured /= 9.80665 if unit == "g" else 1.0
+        rows += [[name, *a, *g] for a, g in zip(measured, down)]
+    header = ["taxel", *(f"{name} [{unit}]" for name in ("ax", "ay", "az")), "gx", "gy", "gz"]
+    path = folder / "rest.csv"
+    path.write_text("\n".join(",".join(map(str, row)) for row in [header, *edit(rows)]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("unit", ["m/s^2", "g"])
+def test_boards_that_are_turned_or_tilted_are_named(tmp_path, unit):
+    """Ten postures; the offset of each sensor is unknown."""
+    found = read_orientations(written(tmp_path, unit=unit), CALIBRATION)
+    np.testing.assert_allclose([one.turn for one in found], TURNS, rtol=0, atol=np.deg2rad(0.6))
+    np.testing.assert_allclose([one.tilt[0] for one in found], TILT, rtol=0, atol=np.deg2rad(0.6))
+    assert max(one.errors.max() for one in found) < np.deg2rad(0.3)
+    (warning,) = rotated(found)
+    assert warning.code == "wrong-orientation" and warning.where.taxels == tuple(
+        BOARDS.taxels.ids[k] for k in (1, 2, 4)
+    )
+    assert "turned -120." in warning.message
+
+
+def test_standard_errors_hold(tmp_path):
+    """Of 40 x 7 boards, 68 % are within one standard error per axis, 95 % within two."""
+    ratios = []
+    for seed in range(40):
+        found = read_orientations(written(tmp_path, seed=seed), CALIBRATION)
+        ratios += [abs((one.turn - turn) / one.errors[2]) for one, turn in zip(found, TURNS)]
+        assert not list(rotated([one for k, one in enumerate(found) if k not in (1, 2, 4)]))
+    assert 0.6 < np.mean(np.array(ratios) < 1) < 0.76 and 0.91 < np.mean(np.array(ratios) < 2) < 0.99
+
+
+def about_one_axis(rows):
+    return [[*row[:4], row[4], row[5], 0.0] for row in rows]
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (about_one_axis, "line 2: the 10 postures of the taxel \"b0.0\" leave its orientation open"),
+        (lambda rows: rows[:3], "the 3 postures"),
+        (lambda rows: [[row[0], *(-a for a in row[1:4]), *row[4:]] for row in rows], "axes have the opposite sign"),
+        (lambda rows: [[row[0], *(a / 9.8 for a in row[1:4]), *row[4:]] for row in rows], "change by 0.102 of what"),
+        (lambda rows: [[row[0], *row[3:0:-1], *row[4:]] for row in rows], "do not fit gravity: one or all axes"),
+        (lambda rows: [[*rows[0][:4], 0, 0, 0], *rows[1:]], "line 2: the direction of gravity is zero"),
+        (lambda rows: [["b9.9", *rows[0][1:]], *rows[1:]], 'line 2, column 1: the calibration has no taxel "b9.9"'),
+    ],
+)  # fmt: skip
+def test_error_is_one_line(tmp_path, edit, message):
+    with pytest.raises(CalibrationFormatError) as caught:
+        read_orientations(written(tmp_path, edit=edit), CALIBRATION)
+    assert message in str(caught.value) and "\n" not in str(caught.value)
