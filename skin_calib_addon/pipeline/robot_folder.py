@@ -19,10 +19,10 @@ from ..calibration.robot_set import (
 from ..calibration.source_record import load_source, save_source
 from ..common.errors import CalibrationFormatError, listed
 from ..common.file_hash import file_hash
-from ..plan import Plan
+from ..plan import Plan, load_plan
 from ..robot.link_mesh import is_urdf
 from ..robot.urdf import Robot, read_robot
-from .calibrate import Calibrated
+from .calibrate import Calibrated, calibrate
 from .sources import add_outputs, relative_path, source_of
 
 
@@ -36,6 +36,30 @@ def save_link(result: Calibrated, plan: Plan, path: Path) -> Path:
     numbers = {"taxels": result.taxels, "mean": result.mean, "warnings": made.warnings}
     save_source(calibration, add_outputs(source, folder, [calibration], **numbers))
     return calibration
+
+
+def fit_link(path: str | os.PathLike[str]) -> str:
+    """Fit a plan, and write the calibration and its sources next to it, for :func:`save_robot`.
+
+    It is a task for any ``concurrent.futures.Executor``, also for one of several machines that see the same folder.
+
+    Parameters
+    ----------
+    path : path
+        Plan file of the link.
+
+    Returns
+    -------
+    str
+        File of the calibration.
+
+    Raises
+    ------
+    SkinCalibError
+        If the plan is not valid, its mesh is missing, or the link cannot be fitted. Nothing is written then.
+    """
+    plan = load_plan(path)
+    return str(save_link(calibrate(plan), plan, Path(path)))
 
 
 def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> str:

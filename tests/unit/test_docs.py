@@ -120,7 +120,9 @@ def run_page(page: Path, capsys) -> int:
             exec(block, {})
         elif kind == "sh":
             for program, *arguments in (shlex.split(line, comments=True) for line in block.splitlines()):
-                if program == "skin-calib":
+                if program == "mkdir":
+                    Path(*arguments).mkdir()
+                elif program == "skin-calib":
                     assert cli.main(arguments) == 0, arguments
                 elif program == "python" and arguments[0].startswith("examples/"):
                     with pytest.MonkeyPatch.context() as patch:
