@@ -38,7 +38,7 @@ def save_link(result: Calibrated, plan: Plan, path: Path) -> Path:
     return calibration
 
 
-def fit_link(path: str | os.PathLike[str]) -> str:
+def fit_link(path: str | Path) -> str:
     """Fit a plan, and write the calibration and its sources next to it, for :func:`save_robot`.
 
     It is a task for any ``concurrent.futures.Executor``, also for one of several machines that see the same folder.
