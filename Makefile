@@ -40,7 +40,7 @@ check-second: $(READY)  ## for a second Python: the extension, the tests in its 
 nightly:  ## everything, on both Pythons: more examples of each property, every window, whole robots, control; hours
 	.ci/run nightly
 
-everything: docs $(VENV)/control-ready  ## the part of "make nightly" with one Python
+everything: docs $(VENV)/control-ready $(VENV)/simulators-ready  ## the part of "make nightly" with one Python
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -111,6 +111,10 @@ $(VENV)/docs-ready: $(READY)
 
 $(VENV)/control-ready: $(READY) control/pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e . -e './control[experiments]'
+	touch $@
+
+$(VENV)/simulators-ready: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[simulators]'
 	touch $@
 
 $(VENV)/cpp-ready: $(READY)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from ..calibration.exchange import FORMATS, WRITABLE, listed, only_patches
+from ..calibration.exchange.usd import BINARY_USD
 from ..calibration.file import load_calibration
 from ..calibration.model import LinkCalibration
 from ..calibration.robot_set import FILE, changed_urdf, examined, is_robot, robot_file
@@ -26,7 +27,7 @@ from .common import (
     say,
 )
 
-ROBOT_FORMAT = "mjcf"  # the format of a whole robot
+ROBOT_FORMATS = ("mjcf", "newton")  # the formats of a whole robot
 PATTERN = "pattern"  # the format of paper: a picture, not of a program
 
 
@@ -34,7 +35,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = f"{listed(WRITABLE)}\n  {PATTERN:13} sheets on paper, 1:1 (.svg, .pdf)"
     parser.add_argument(
-        "file", type=named_path, metavar="FILE", help="calibration file; robot.json, or its folder, as mjcf"
+        "file", type=named_path, metavar="FILE", help="calibration file; robot.json, or its folder, as mjcf or newton"
     )
     parser.add_argument(
         "--to", required=True, choices=(*WRITABLE, PATTERN), metavar="FORMAT", help="one of the formats below"
@@ -64,6 +65,8 @@ def run(options: argparse.Namespace) -> int:
             raise OutputError(f"{options.output.name}: a pattern is written as {' or '.join(ENDINGS)}.")
         what, labels, content = "sheets on paper, 1:1", "the id", write_pattern(calibration, ending)
     else:
+        if options.to == "usd" and options.output.suffix.lower() in BINARY_USD:
+            raise OutputError(f"{options.output.name}: USD is written as text. Name it .usda or .usd.")
         format = FORMATS[options.to]
         what, labels, content = format.what, format.labels, format.write(calibration)
     write_bytes_safely(options.output, content)
@@ -76,8 +79,9 @@ def run(options: argparse.Namespace) -> int:
 
 def _export_robot(options: argparse.Namespace) -> int:
     """Write the model of a robot with all skins, and its meshes to a folder next to it."""
-    if options.to != ROBOT_FORMAT or options.patch:
-        raise OutputError(f"A robot is exported as {ROBOT_FORMAT}, with all patches. For others, name a calibration.")
+    if options.to not in ROBOT_FORMATS or options.patch:
+        names = " or ".join(ROBOT_FORMATS)
+        raise OutputError(f"A robot is exported as {names}, with all patches. For others, name a calibration.")
     robot, folder, calibrations, findings = examined(options.file)
     if robot.urdf is None:
         raise SkinCalibError(f"{FILE} names no URDF. {FIT_WITH_URDF}")
@@ -86,7 +90,8 @@ def _export_robot(options: argparse.Namespace) -> int:
     urdf = folder / robot.urdf.file
     mesh_folder = options.output.with_name(f"{options.output.stem}_meshes")
     content = read_robot(urdf)
-    model = robot_mjcf(content, urdf, calibrations, mesh_folder.name, options.free_base, options.actuators)
+    how = options.free_base, options.actuators, options.to == "mjcf"
+    model = robot_mjcf(content, urdf, calibrations, mesh_folder.name, *how)
     inputs = [robot_file(options.file), urdf, *(folder / link.calibration for link in robot.links), *model.sources]
     check_target(options.output, *inputs)
     for name in model.meshes:

@@ -68,13 +68,14 @@ def robot_mjcf(
     mesh_folder: str,
     free_base: bool = False,
     actuators: bool = False,
+    tactile: bool = True,
 ) -> RobotModel:
     """Return a model of the robot, with a body for each skin that is fixed to its link.
 
     Names of a skin begin with the name of the link and a slash: ``data.sensor("arm/wrist.0.0")``. The root of the robot
     is fixed to the world, or free. Collision shapes that hide a taxel of their link, or of one that is fixed to it, are
     switched off: its cells collide instead. Bodies that overlap in the zero pose do not collide with each other.
-    Actuators are motors with the names and the effort of the joints.
+    Actuators are motors with the names and the effort of the joints. Without ``tactile``, Newton accepts the model.
     """
     try:
         import mujoco
@@ -84,7 +85,9 @@ def robot_mjcf(
         ) from error
     description, meshes, sources, problems, impossible = _with_own_meshes(robot, urdf, calibrations, mujoco)
     skins = {
-        link: write_mjcf(calibration).decode() for link, calibration in calibrations.items() if link in robot.links
+        link: write_mjcf(calibration, tactile).decode()
+        for link, calibration in calibrations.items()
+        if link in robot.links
     }
     problems += [f"{urdf.name} has no link {show(link)}" for link in calibrations if link not in robot.links]
     try:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from skin_calib_addon.cli import main
+from tests.unit.calibration.exchange import test_simulators
 from tests.unit.test_robots_benchmark import robots  # noqa: F401  a fixture
 
 G1 = Path(__file__).parents[3] / "shared" / "data" / "robots" / "g1_description" / "g1_29dof_rev_1_0.urdf"
@@ -44,3 +45,16 @@ def test_presses_are_felt_where_they_are(robots, folder):  # noqa: F811
     pytest.importorskip("mujoco")
     result = importlib.import_module("presses").measure(folder, 40)
     assert result.alone == result.count == 40 and result.links == len(LINKS), result.wrong
+
+
+def test_presses_have_the_same_forces_in_mujoco_warp(folder, tmp_path):
+    """Thirty at once on the links of the robot, within single precision."""
+    warp = pytest.importorskip(
+        "mujoco_warp", reason="MuJoCo Warp is not installed (pip install 'skin-calib[simulators]')"
+    )
+    assert main(["export", str(folder), "--to", "mjcf", "-o", str(tmp_path / "g1.xml")]) == 0
+    spec = test_simulators.mujoco.MjSpec.from_file(str(tmp_path / "g1.xml"))
+    model, data = test_simulators.with_fingers(spec, 30)
+    test_simulators.press_apart(model, data, 30)
+    expected, found = test_simulators.forces(warp, model, data)
+    assert (expected > 0).sum() == 30 and abs(found - expected).max() < test_simulators.SINGLE

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 
 from ..model import LinkCalibration
 from .icub import write_icub
@@ -14,6 +15,7 @@ from .rsdf import write_rsdf
 from .table import write_gentact, write_table
 from .tum import write_tum
 from .urdf import write_frames, write_sensors
+from .usd import write_usd
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,8 @@ _TABLE = (
     Format("urdf", ".urdf", "frames fixed to the link", "the id; the order gives the channels", write_frames),
     Format("urdf-tactile", ".urdf", "tactile sensors of tactile_toolbox", "patch.channel", write_sensors),
     Format("mjcf", ".xml", "MuJoCo: touch sensors and tactile meshes", "the id", write_mjcf),
+    Format("newton", ".xml", "Newton: MJCF without tactile meshes", "the id", partial(write_mjcf, tactile=False)),
+    Format("usd", ".usda", "USD: points with primvars in the link frame", "primvars:taxel:id", write_usd),
     Format("npz", ".npz", "poses for Isaac Lab (DEX-01)", "the id", write_npz),
     Format("ply", ".ply", "point cloud with normals", "the id, in a comment", write_ply),
     Format("pcd", ".pcd", "point cloud of PCL with normals", "the id, in a comment", write_pcd),

@@ -21,17 +21,18 @@ FACING_ANGLE = np.radians(45.0)
 MIN_AREA_FRACTION = 1e-6
 
 
-def write_mjcf(calibration: LinkCalibration) -> bytes:
-    """Write a complete model: one body with a thin geom and a touch sensor for each taxel.
+def write_mjcf(calibration: LinkCalibration, tactile: bool = True) -> bytes:
+    """Write a complete model: one body with a thin geom, a site and a touch sensor for each taxel, named after it.
 
     Each patch has a tactile sensor on a mesh. Vertex i of the mesh is the i-th taxel of the patch in the order of
     channels. The tactile sensor outputs the depth of all vertices, then the slip along and across the tangent. A patch
-    with fewer than four taxels, or with taxels on a line, has no mesh and only touch sensors.
+    with fewer than four taxels, or with taxels on a line, has no mesh and only touch sensors. MuJoCo needs three
+    normals for a vertex to compute the slip. Newton refuses more than one: write its models without ``tactile``.
     """
     taxels = taxels_of(calibration)
     patches = [patch.name for patch in calibration.patches]
     refuse_repeats((*patches, *taxels.ids), "MuJoCo")
-    meshes = {patch: mesh for patch in patches if (mesh := _mesh(taxels, patch))}
+    meshes = {patch: mesh for patch in patches if tactile and (mesh := _mesh(taxels, patch))}
     link, ids = quoted(taxels.link), [quoted(name) for name in taxels.ids]
     lines = [
         f"{HEAD}<mujoco model={link}>",
@@ -98,7 +99,7 @@ def _cells(taxels: LinkTaxels, ids: list[str]) -> Iterator[str]:
         yield body
         for row in np.flatnonzero(groups == group).tolist():
             turn = f'xyaxes="{numbers(taxels.axes[row, :, :2].T)}"'
-            yield f'<geom {geoms[row]} pos="{numbers(centres[row])}" {turn}/>'
+            yield f'<geom name={ids[row]} {geoms[row]} pos="{numbers(centres[row])}" {turn}/>'
             yield f'<site name={ids[row]} {sites[row]} pos="{numbers(taxels.positions[row])}" {turn}/>'
         yield "</body>" if body else ""
 

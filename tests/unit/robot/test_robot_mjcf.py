@@ -443,7 +443,8 @@ def test_other_formats_are_of_one_link(robot, capsys, words):
     assert (
         code == 2
         and out == ""
-        and err == ["skin-calib: A robot is exported as mjcf, with all patches. For others, name a calibration."]
+        and err
+        == ["skin-calib: A robot is exported as mjcf or newton, with all patches. For others, name a calibration."]
     )
 
 

@@ -69,6 +69,20 @@ def test_touch_and_tactile_sensors_feel_the_pressed_taxel():
         assert not data.sensor("flower" if patch == "sheet" else "sheet").data.any()
 
 
+def test_contact_names_its_taxel():
+    """The geom of a cell has the id; the model for Newton has the same cells and no mesh."""
+    calibration, taxels = curved_and_flat()
+    model, data = pressed(calibration)
+    press(model, data, taxels.positions[9], taxels.normals[9])
+    assert taxels.ids[9] in {model.geom(i).name for i in data.contact[0].geom}
+    text = FORMATS["newton"].write(calibration).decode()
+    other = mujoco.MjModel.from_xml_string(text)
+    assert (other.nmesh, other.nsensor, other.ngeom) == (0, 31, 31) and "tactile" not in text
+    for name in taxels.ids:
+        assert np.array_equal(other.geom(name).pos, model.geom(name).pos)
+        assert np.array_equal(other.geom(name).size, model.geom(name).size)
+
+
 def sole():
     """Return the calibration of the sole of the samples, whose cells have common edges."""
     return calibrate(load_plan(ROOT / "sample_scenes" / "sole.plan.json")).calibration
