@@ -26,7 +26,7 @@ runtime-test:  ## the tests of the runtime, with any Python from 3.10 on
 	.venv-runtime/bin/python -m pip install --quiet --disable-pip-version-check -e . scipy trimesh pytest pytest-xdist hypothesis array-api-strict
 	.venv-runtime/bin/python -m pytest -q -n auto -m "not slow and not window" tests/unit/runtime
 
-check: docs test  ## lint, types, the documentation, the extension, the quick tests, slow ones, the whole job in a Blender window
+check: docs $(VENV)/view-ready test  ## lint, types, the documentation, the extension, the quick tests, slow ones, the whole job in a Blender window
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -40,7 +40,7 @@ check-second: $(READY)  ## for a second Python: the extension, the tests in its 
 nightly:  ## everything, on both Pythons: more examples of each property, every window, whole robots, control; hours
 	.ci/run nightly
 
-everything: docs $(VENV)/control-ready $(VENV)/simulators-ready  ## the part of "make nightly" with one Python
+everything: docs $(VENV)/view-ready $(VENV)/control-ready $(VENV)/simulators-ready  ## the part of "make nightly" with one Python
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -111,6 +111,10 @@ $(VENV)/docs-ready: $(READY)
 
 $(VENV)/control-ready: $(READY) control/pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e . -e './control[experiments]'
+	touch $@
+
+$(VENV)/view-ready: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[view]'
 	touch $@
 
 $(VENV)/simulators-ready: $(READY)

@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from ..calibration.file import load_calibration
+from ..calibration.source_record import find_mesh
 from ..common.arrays import Array
 from ..common.atomic_file import write_bytes_safely
 from ..common.errors import CalibrationFormatError
 from ..inspection.recording import frame_document, read_modalities, read_recording
+from ..inspection.replaying import since_start
 from ..messages.mcap_file import McapSkin
 from ..runtime import Frame, Skin, load
 from ..runtime.modalities import FORCE
@@ -35,10 +37,10 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--to",
-        choices=("jsonl", "mcap"),
+        choices=("jsonl", "mcap", "rerun"),
         default="jsonl",
-        help="format of OUT: JSON, one line per frame, or an MCAP file with messages of ROS 2, the readings, and the "
-        "calibration (default: jsonl)",
+        help="format of OUT: JSON, one line per frame; an MCAP file with messages of ROS 2, the readings, and the "
+        "calibration; or a file for the viewer of Rerun (default: jsonl)",
     )
     parser.add_argument("--picture", type=file_name, metavar="PNG", help="picture of contacts and polygons on the skin")
     parser.add_argument(
@@ -64,8 +66,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     check_outputs(options, options.file, options.readings, options.noise)
-    if options.to == "mcap" and not options.output:
-        options.refuse("--to mcap needs -o OUT, the file to write")
+    if options.to != "jsonl" and not options.output:
+        options.refuse(f"--to {options.to} needs -o OUT, the file to write")
     if options.off is not None and options.on is None:
         options.refuse("--off needs --on: a contact that ends by a threshold begins by one")
     if options.off is not None and options.off > options.on:
@@ -97,9 +99,10 @@ def run(options: argparse.Namespace) -> int:
 
         draw_replay(skin, frames, options.picture)
     if options.output:
-        cycles = recording.cycles or range(len(frames))
-        is_mcap = options.to == "mcap"
-        data = _as_mcap(options.file, skin, readings, frames, cycles) if is_mcap else _as_lines(skin, frames)
+        if options.to == "mcap":
+            data = _as_mcap(options.file, skin, readings, frames, recording.cycles or range(len(frames)))
+        else:
+            data = _as_rerun(options.file, skin, frames) if options.to == "rerun" else _as_lines(skin, frames)
         write_bytes_safely(options.output, data)
     for note in recording.notes:
         complain(f"warning: {note}")
@@ -137,6 +140,23 @@ def _as_mcap(
         for reading, frame, cycle in zip(readings, frames, cycles):
             target.add(reading, frame, cycle)
     return stream.getvalue()
+
+
+def _as_rerun(file: Path, skin: Skin, frames: Sequence[Frame]) -> bytes:
+    """Return frames as the bytes of a file of Rerun, with the mesh of the link if it is found and unchanged."""
+    from ..messages.rerun_file import rerun_bytes
+
+    calibration = load_calibration(file)
+    mesh = None
+    if found := find_mesh(file, calibration.mesh.file):
+        from ..pipeline.sources import matching_mesh  # of the authoring
+
+        mesh = matching_mesh(found, calibration.mesh.sha256, calibration.link)
+    if mesh is None:
+        why = f"{found} has changed" if found else f"{calibration.mesh.file} is not found"
+        complain(f"warning: the view is without the mesh of the link: {why}")
+    seconds = since_start(np.array([frame.time for frame in frames]))
+    return rerun_bytes(calibration, skin, frames, seconds, None if mesh is None else (mesh.vertices, mesh.faces))
 
 
 def _summary(skin: Skin, frames: list[Frame], columns: str, rest: str) -> str:

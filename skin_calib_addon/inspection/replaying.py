@@ -35,7 +35,7 @@ class Replay:
         if not times:
             raise CalibrationFormatError(f"'{name}' has no frame")
         self.times = np.array(times, float)  # (frames,) as recorded [s]
-        self.seconds = _since_start(self.times)  # (frames,) non-decreasing
+        self.seconds = since_start(self.times)  # (frames,) non-decreasing
 
     @classmethod
     def read(cls, calibration: LinkCalibration, path: str | Path) -> "Replay":
@@ -76,7 +76,7 @@ class Replay:
         return self._frames[k]
 
 
-def _since_start(times: Array) -> Array:
+def since_start(times: Array) -> Array:
     """Return non-decreasing seconds since the first time; even steps if no time increases.
 
     A time that is not finite, or smaller than the one before, is replaced by the one before.

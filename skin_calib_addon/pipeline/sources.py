@@ -95,12 +95,19 @@ def names_file(path: Path, file: Path) -> bool:
     return False
 
 
+def matching_mesh(path: Path, sha256: str, link: str = "") -> TriangleMesh | None:
+    """Return the mesh of a file, in any unit, or that of a link of a URDF, if its geometry in metres has a hash."""
+    if is_urdf(path):
+        candidates = [load_urdf_mesh(path, link)]
+    else:
+        raw = read_mesh(path)
+        candidates = [TriangleMesh(raw.vertices * metres, raw.faces) for metres in METRES_PER_UNIT.values()]
+    return next((mesh for mesh in candidates if mesh.sha256 == sha256), None)
+
+
 def is_same_mesh(path: Path, sha256: str, link: str = "") -> bool:
     """Return whether a mesh file has the geometry of a hash, in any unit; or whether a link of a URDF has it."""
-    if is_urdf(path):
-        return load_urdf_mesh(path, link).sha256 == sha256
-    raw = read_mesh(path)
-    return any(TriangleMesh(raw.vertices * metres, raw.faces).sha256 == sha256 for metres in METRES_PER_UNIT.values())
+    return matching_mesh(path, sha256, link) is not None
 
 
 def relative_path(folder: Path, path: Path) -> str:

@@ -64,7 +64,7 @@ LIBRARIES = {
     "robot": {"numpy", "mujoco"},
     "proposal": {"numpy", "scipy"},
     "inspection": {"numpy", "scipy"},
-    "messages": {"numpy", "mcap"},
+    "messages": {"numpy", "mcap", "rerun"},
     "pictures": {"numpy", "matplotlib"},
     "blender": {"numpy", *BLENDER},
 }  # the others need NumPy alone
