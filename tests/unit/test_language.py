@@ -25,7 +25,17 @@ FOLDERS = (
 TEXT = {"COMMENT", "STRING", "FSTRING_MIDDLE"}
 OWN = {GLOSSARY, Path(__file__)}  # these two name the words
 # A key of earlier files, the folder of ROS packages, and a public function.
-NAMES = ('"doubts"', '"share"', '"ros/share"', '"ros/share/bot"', '"ros/share/bot/meshes/pin.ply"', "lay boards")
+NAMES = (
+    '"doubts"',
+    '"share"',
+    '"ros/share"',
+    '"ros/share/bot"',
+    '"ros/share/bot/meshes/pin.ply"',
+    "lay boards",
+    "column shares",
+    "row shares",
+    '"/usr/share"',
+)
 
 
 def words_out(glossary):
