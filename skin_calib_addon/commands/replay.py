@@ -16,7 +16,7 @@ from ..common.atomic_file import write_bytes_safely
 from ..common.errors import CalibrationFormatError
 from ..inspection.recording import frame_document, read_modalities, read_recording
 from ..inspection.replaying import since_start
-from ..messages.mcap_file import McapSkin
+from ..messages.markers import McapView
 from ..runtime import Frame, Skin, load
 from ..runtime.modalities import FORCE
 from .common import DONE, check_outputs, complain, count, file_name, named_path, newtons, say
@@ -134,9 +134,9 @@ def _as_lines(skin: Skin, frames: Sequence[Frame]) -> bytes:
 def _as_mcap(
     file: Path, skin: Skin, readings: Sequence[dict[str, Array]], frames: Sequence[Frame], cycles: Sequence[int]
 ) -> bytes:
-    """Return readings and frames as the bytes of an MCAP file, with the calibration."""
+    """Return readings and frames as the bytes of an MCAP file, with the calibration and markers."""
     stream = io.BytesIO()
-    with McapSkin(stream, load_calibration(file), skin, frames[0].time) as target:
+    with McapView(stream, load_calibration(file), skin, frames) as target:
         for reading, frame, cycle in zip(readings, frames, cycles):
             target.add(reading, frame, cycle)
     return stream.getvalue()

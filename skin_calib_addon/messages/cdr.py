@@ -1,7 +1,7 @@
 """Messages as bytes and back: CDR (OMG CDR 1.0, little-endian), as ROS 2 sends and stores them.
 
-A message is a mapping from its fields to values. A message that has only doubles, such as ``geometry_msgs/Point``, is
-an array of them; many of them are an array with a row for each.
+A message is a mapping from its fields to values. A message that has only doubles, such as ``geometry_msgs/Point``, or
+only single floats, is an array of them; many of them are an array with a row for each.
 """
 
 import struct
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..common.errors import CalibrationFormatError
-from .definitions import PACKAGE, PRIMITIVES, Field, doubles_in, fields_of
+from .definitions import PRIMITIVES, Field, fields_of, floats_in, full_name
 
 HEADER = b"\0\1\0\0"  # little-endian, no options
 SCALARS = {kind: struct.Struct(f"<{code}") for kind, code in PRIMITIVES.items() if code}
@@ -32,7 +32,7 @@ def encode(name: str, message: Mapping[str, Any]) -> bytes:
         If a value does not fit into its field.
     """
     data = bytearray()
-    _write(data, f"{PACKAGE}/{name}", message)
+    _write(data, full_name(name), message)
     return HEADER + data
 
 
@@ -49,12 +49,12 @@ def _writers(kind: str) -> tuple[tuple[str, Writer], ...]:
 
 
 def _writer(field: Field) -> Writer:
-    doubles, count = doubles_in(field.kind), field.length
+    (floats, width), count = floats_in(field.kind), field.length
     if field.kind in SCALARS and count is None:
         return partial(_write_scalar, SCALARS[field.kind])
-    if doubles or field.kind in SCALARS:
-        dtype = np.dtype("<f8" if doubles else f"<{PRIMITIVES[field.kind]}")
-        return partial(_write_numbers, field.name, dtype, doubles or 1, 1 if count is None else count)
+    if width or field.kind in SCALARS:
+        dtype = np.dtype(f"<{PRIMITIVES[floats or field.kind]}")
+        return partial(_write_numbers, field.name, dtype, width or 1, 1 if count is None else count)
     item = _write_text if field.kind == "string" else partial(_write_message, field.kind)
     return item if count is None else partial(_write_items, item, count)
 
@@ -119,7 +119,7 @@ def decode(name: str, data: bytes) -> dict[str, Any]:
         raise CalibrationFormatError(f"a {name} does not begin with the header of little-endian CDR: {data[:4].hex()}")
     reader = _Reader(memoryview(data)[4:])
     try:
-        message = reader.message(f"{PACKAGE}/{name}")
+        message = reader.message(full_name(name))
     except (struct.error, ValueError) as problem:
         raise CalibrationFormatError(f"a {name} is damaged or truncated: {problem}") from problem
     if reader.left > 3:  # rosbag2 and DDS can pad to four bytes
@@ -143,17 +143,17 @@ class _Reader:
         return {field.name: self._value(field) for field in fields_of(kind)}
 
     def _value(self, field: Field) -> Any:
-        doubles, kind = doubles_in(field.kind), field.kind
+        (floats, width), kind = floats_in(field.kind), field.kind
         if field.length is None:
             if kind in SCALARS:
                 return self._scalar(SCALARS[kind])
             if kind == "string":
                 return self._text()
-            return self._numbers("<f8", doubles) if doubles else self.message(kind)
+            return self._numbers(f"<{PRIMITIVES[floats]}", width) if width else self.message(kind)
         count = self._scalar(LENGTH) if field.length == 0 else field.length
-        if doubles:
-            numbers = self._numbers("<f8", count * doubles)
-            return numbers if doubles == 1 else numbers.reshape(count, doubles)
+        if width:
+            numbers = self._numbers(f"<{PRIMITIVES[floats]}", count * width)
+            return numbers if width == 1 else numbers.reshape(count, width)
         if kind in SCALARS:
             return self._numbers(f"<{PRIMITIVES[kind]}", count)
         if count > self.left:  # each item takes a byte or more

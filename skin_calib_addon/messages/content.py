@@ -39,7 +39,8 @@ def seconds(stamp: Mapping[str, int]) -> float:
     return (stamp["sec"] * 10**9 + stamp["nanosec"]) / 10**9  # of integers: correctly rounded
 
 
-def _header(link: str, time: float) -> Message:
+def header(link: str, time: float) -> Message:
+    """Return the header of a message of a link at a time [s]."""
     sec, nanosec = divmod(nanoseconds(time), 10**9)
     return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": link}
 
@@ -50,7 +51,7 @@ def layout_message(calibration: LinkCalibration, skin: Skin, time: float = 0.0, 
     taxels = [patch.taxels for patch in calibration.patches]
     sigma = np.concatenate([np.empty((0, 3)), *(t.known_sigma for t in taxels)])
     return {
-        "header": _header(skin.link, time),
+        "header": header(skin.link, time),
         "version": LAYOUT_VERSION,
         "calibration": skin.checksum,
         "is_virtual": is_virtual,
@@ -79,7 +80,7 @@ def reading_message(
     limits = np.iinfo(np.int32)
     is_whole = reading.dtype.kind in "ui" and bool(((reading >= limits.min) & (reading <= limits.max)).all())
     return {
-        "header": _header(link, time),
+        "header": header(link, time),
         "cycle": cycle,
         "lost": lost,
         "calibration": calibration,
@@ -101,7 +102,7 @@ def frame_message(
     """Return a ``SkinFrame``."""
     trusted, polygon = frame.trusted, frame.polygon
     return {
-        "header": _header(link, frame.time),
+        "header": header(link, frame.time),
         "cycle": cycle,
         "lost": lost,
         "calibration": calibration,

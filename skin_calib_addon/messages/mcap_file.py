@@ -20,7 +20,7 @@ from ..runtime import Frame, Skin
 from ..runtime.modalities import FORCE
 from .cdr import decode, encode
 from .content import frame_message, layout_message, nanoseconds, reading_message, reading_of
-from .definitions import PACKAGE, fields_in, fields_of, schema_text
+from .definitions import PACKAGE, fields_in, fields_of, full_name, schema_text
 
 # [bytes] of a chunk. Larger: smaller files, but a recorder that is killed loses more readings.
 CHUNK_SIZE = 2**20
@@ -69,26 +69,28 @@ def topic_of(link: str, name: str) -> str:
 class McapSkin:
     """Write the skin of a link to a stream as MCAP, frame by frame; closing it completes the file."""
 
+    topics = TOPICS
+
     def __init__(self, stream: IO[bytes], calibration: LinkCalibration, skin: Skin, time: float):
         """Write calibration and layout, with the time of the first frame [s]."""
         mcap = _library()
         self._link, self._checksum = skin.link, skin.checksum
         self._writer = mcap.writer.Writer(stream, chunk_size=CHUNK_SIZE)
         self._writer.start("ros2", f"skin-calib {__version__}")
-        self._channels = {name: self._register(name, *of) for name, of in TOPICS.items()}
+        self._channels = {name: self._register(name, *of) for name, of in self.topics.items()}
         self._time = max(nanoseconds(time), 0)
         name = f"{skin.link}.calibration.json"
         self._writer.add_attachment(0, self._time, name, "application/json", encode_json(to_document(calibration)))
         self._write("layout", layout_message(calibration, skin, time), 0)
 
     def _register(self, topic: str, message: str, depth: int, durability: int) -> int:
-        kind, text = f"{PACKAGE}/msg/{message}", schema_text(message)
+        kind, text = full_name(message).replace("/", "/msg/"), schema_text(message)
         schema = self._writer.register_schema(kind, "ros2msg", text.encode())
         qos = {"offered_qos_profiles": QOS % (depth, durability)}
         return int(self._writer.register_channel(topic_of(self._link, topic), "cdr", schema, qos))
 
     def _write(self, topic: str, message: Mapping[str, Any], cycle: int) -> None:
-        data = encode(TOPICS[topic][0], message)
+        data = encode(self.topics[topic][0], message)
         self._writer.add_message(self._channels[topic], self._time, data, self._time, cycle % 2**32)
 
     def add(self, readings: Mapping[str, Array], frame: Frame, cycle: int, lost: int = 0) -> None:

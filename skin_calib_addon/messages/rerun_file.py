@@ -18,6 +18,58 @@ MIN_MEAN_NORMAL = 0.3  # [1] below which a skin is around its link, and is looke
 LINE_FRACTION = 0.004  # [1] radius of lines, relative to the size of the skin
 
 
+class RerunView:
+    """Shows the skin of a link, frame by frame: in a file, or in a viewer (``recording.spawn()``)."""
+
+    def __init__(
+        self,
+        calibration: LinkCalibration,
+        skin: Skin,
+        frames: Sequence[Frame] = (),
+        mesh: tuple[Array, IntArray] | None = None,
+    ):
+        """Log what does not change; colours are relative to the largest force in some frames, or until then.
+
+        ``mesh`` has vertices (n, 3) [m] and faces (m, 3) of the link.
+        """
+        try:
+            import rerun as rr
+        except ImportError as error:
+            raise SkinCalibError(
+                "a view of Rerun needs rerun-sdk, which is not installed here: pip install 'skin-calib[view]'"
+            ) from error
+        self._rr, self._maker = rr, SceneMaker(calibration, skin, tuple(frames))
+        self._flags: frozenset[str] = frozenset()
+        self._count = 0
+        self.recording = rr.RecordingStream("skin-calib", recording_id=f"{skin.link} {skin.checksum}")
+        self.recording.send_blueprint(_blueprint(skin, self._maker, rr))
+        if mesh is not None:
+            vertices, faces = mesh
+            self.recording.log("link/mesh", _mesh(vertices[faces], MESH_COLOUR, rr), static=True)
+        self.recording.log("link/cells", _mesh(self._maker.cells, CELL_COLOUR, rr), static=True)
+        lines = rr.SeriesLines(names="sum of the contacts [N]", colors=CONTACT_COLOUR)
+        self.recording.log("force", lines, static=True)
+
+    def add(self, frame: Frame, time: float) -> None:
+        """Log a frame at a time [s]."""
+        rr, log = self._rr, self.recording.log
+        self.recording.set_time("frame", sequence=self._count)
+        self.recording.set_time("time", duration=time)
+        scene, radius = self._maker.scene(frame), LINE_FRACTION * self._maker.size
+        shown = _mesh(scene.triangles, np.repeat(scene.colours, 3, axis=0), rr) if len(scene.triangles) else None
+        log("link/touched", rr.Clear(recursive=False) if shown is None else shown)
+        arrows = {"origins": scene.tails, "vectors": scene.heads - scene.tails, "radii": 1.5 * radius}
+        labels = [f"{contact.force:.2f} N" for contact in frame.contacts]
+        log("link/contacts", rr.Arrows3D(**arrows, colors=CONTACT_COLOUR, labels=labels))
+        log("link/cop", rr.Points3D(scene.cop, radii=4 * radius, colors=COP_COLOUR))
+        for name, line in scene.polygons.items():
+            log(f"link/{name}", rr.LineStrips3D([line], radii=radius, colors=POLYGON_COLOURS[name]))
+        log("force", rr.Scalars(sum(contact.force for contact in frame.contacts)))
+        if frame.flags != self._flags or frame.problem:
+            log("flags", rr.TextLog(frame.problem or ", ".join(sorted(frame.flags)) or "no flag", level="WARN"))
+        self._flags, self._count = frame.flags, self._count + 1
+
+
 def rerun_bytes(
     calibration: LinkCalibration,
     skin: Skin,
@@ -25,40 +77,11 @@ def rerun_bytes(
     seconds: Array,
     mesh: tuple[Array, IntArray] | None = None,
 ) -> bytes:
-    """Return frames at times since the first one [s] as a file of Rerun, with vertices and faces of the link [m]."""
-    try:
-        import rerun as rr
-    except ImportError as error:
-        raise SkinCalibError(
-            "a file of Rerun needs rerun-sdk, which is not installed here: pip install 'skin-calib[view]'"
-        ) from error
-    maker = SceneMaker(calibration, skin, tuple(frames))
-    radius = LINE_FRACTION * maker.size
-    file = rr.RecordingStream("skin-calib", recording_id=f"{skin.link} {skin.checksum}")
-    stream = file.binary_stream()
-    file.send_blueprint(_blueprint(skin, maker, rr))
-    if mesh is not None:
-        vertices, faces = mesh
-        file.log("link/mesh", _mesh(vertices[faces], MESH_COLOUR, rr), static=True)
-    file.log("link/cells", _mesh(maker.cells, CELL_COLOUR, rr), static=True)
-    file.log("force", rr.SeriesLines(names="sum of the contacts [N]", colors=CONTACT_COLOUR), static=True)
-    flags: frozenset[str] = frozenset()
-    for number, (frame, time) in enumerate(zip(frames, seconds.tolist())):
-        file.set_time("frame", sequence=number)
-        file.set_time("time", duration=time)
-        scene = maker.scene(frame)
-        shown = _mesh(scene.triangles, np.repeat(scene.colours, 3, axis=0), rr) if len(scene.triangles) else None
-        file.log("link/touched", rr.Clear(recursive=False) if shown is None else shown)
-        arrows = {"origins": scene.tails, "vectors": scene.heads - scene.tails, "radii": 1.5 * radius}
-        labels = [f"{contact.force:.2f} N" for contact in frame.contacts]
-        file.log("link/contacts", rr.Arrows3D(**arrows, colors=CONTACT_COLOUR, labels=labels))
-        file.log("link/cop", rr.Points3D(scene.cop, radii=4 * radius, colors=COP_COLOUR))
-        for name, line in scene.polygons.items():
-            file.log(f"link/{name}", rr.LineStrips3D([line], radii=radius, colors=POLYGON_COLOURS[name]))
-        file.log("force", rr.Scalars(sum(contact.force for contact in frame.contacts)))
-        if frame.flags != flags or frame.problem:
-            file.log("flags", rr.TextLog(frame.problem or ", ".join(sorted(frame.flags)) or "no flag", level="WARN"))
-        flags = frame.flags
+    """Return frames at times since the first one [s] as a file of Rerun."""
+    view = RerunView(calibration, skin, frames, mesh)
+    stream = view.recording.binary_stream()
+    for frame, time in zip(frames, seconds.tolist()):
+        view.add(frame, time)
     return stream.read() or b""
 
 
@@ -84,7 +107,7 @@ def _blueprint(skin: Skin, maker: SceneMaker, rr: Any) -> Any:
     eye = middle + EYE_DISTANCE * maker.size * unit(front + 0.5 * up + 0.3 * along)
     space = rrb.Spatial3DView(
         origin="link",
-        name=f"{skin.link}: taxels up to {maker.largest:.3g} N (dark)",
+        name=skin.link + (f": taxels up to {maker.largest:.3g} N (dark)" if maker.largest else ""),
         background=BACKGROUND,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(position=eye, look_target=middle, eye_up=up),

@@ -65,7 +65,7 @@ def test_mcap_ros2_support_reads_every_frame(calibration, recorded):
     found = {}
     for message in reader.read_ros2_messages(str(recorded[1]), log_time_order=False):
         found.setdefault(message.channel.topic, []).append(message.ros_msg)
-    assert set(found) == {f"/skin/left_sole/{name}" for name in ("layout", "reading", "frame")}
+    assert set(found) == {f"/skin/left_sole/{name}" for name in ("layout", "reading", "frame", "cells", "scene")}
     assert found["/skin/left_sole/layout"][0].ids == list(skin.ids)
     of_force = [m for m in found["/skin/left_sole/reading"] if m.quantity == "force"]
     of_near = [m for m in found["/skin/left_sole/reading"] if m.quantity == "proximity"]
@@ -86,6 +86,8 @@ def test_rosbags_reads_every_frame(calibration, recorded):
             "layout": (1, "RELIABLE", "TRANSIENT_LOCAL"),
             "reading": (10, "RELIABLE", "VOLATILE"),
             "frame": (10, "RELIABLE", "VOLATILE"),
+            "cells": (1, "RELIABLE", "TRANSIENT_LOCAL"),
+            "scene": (10, "RELIABLE", "VOLATILE"),
         }
         chosen = [c for c in bag.connections if c.topic.endswith("/frame")]
         found = [bag.deserialize(data, c.msgtype) for c, _, data in bag.messages(chosen)]

@@ -70,7 +70,7 @@ def test_calls_that_cannot_work_write_nothing(recorded, tmp_path, monkeypatch, c
     assert caught.value.code == 2 and "--to rerun needs -o OUT" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert main(["replay", *recorded, "--to", "rerun", "-o", str(tmp_path / "o.rrd")]) == 1
-    message = "a file of Rerun needs rerun-sdk, which is not installed here: pip install 'skin-calib[view]'"
+    message = "a view of Rerun needs rerun-sdk, which is not installed here: pip install 'skin-calib[view]'"
     assert message in capsys.readouterr().err and not (tmp_path / "o.rrd").exists()
 
 
