@@ -42,7 +42,7 @@ class RerunView:
         self._flags: frozenset[str] = frozenset()
         self._count = 0
         self.recording = rr.RecordingStream("skin-calib", recording_id=f"{skin.link} {skin.checksum}")
-        self.recording.send_blueprint(_blueprint(skin, self._maker, rr))
+        self.recording.send_blueprint(_blueprint(skin, self._maker, not frames, rr))
         if mesh is not None:
             vertices, faces = mesh
             self.recording.log("link/mesh", _mesh(vertices[faces], MESH_COLOUR, rr), static=True)
@@ -92,7 +92,7 @@ def _mesh(triangles: Array, colours: Any, rr: Any) -> Any:
     return rr.Mesh3D(vertex_positions=triangles.reshape(-1, 3), vertex_normals=np.repeat(normals, 3, axis=0), **colour)
 
 
-def _blueprint(skin: Skin, maker: SceneMaker, rr: Any) -> Any:
+def _blueprint(skin: Skin, maker: SceneMaker, is_live: bool, rr: Any) -> Any:
     """Return what the viewer opens: the skin from outside, the force over time below it, and flags."""
     import rerun.blueprint as rrb
 
@@ -116,7 +116,9 @@ def _blueprint(skin: Skin, maker: SceneMaker, rr: Any) -> Any:
     flags = rrb.TextLogView(origin="/", contents=["flags"], name="flags")
     below = rrb.Horizontal(force, flags, column_shares=[3, 1])
     panels = (
-        rrb.TimePanel(timeline="time", play_state="paused", state="collapsed", loop_mode="all"),
+        rrb.TimePanel(
+            timeline="time", state="collapsed", play_state="following" if is_live else "paused", loop_mode="off"
+        ),
         rrb.SelectionPanel(state="collapsed"),
     )
     return rrb.Blueprint(rrb.Vertical(space, below, row_shares=[3, 1]), *panels, rrb.BlueprintPanel(state="collapsed"))

@@ -149,6 +149,8 @@ def after_readme(tmp_path_factory) -> Path:
 @pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.stem)
 def test_commands_of_the_pages_run(page, after_readme, tmp_path, monkeypatch, capsys):
     """After those of the README, one after the other, in a copy of its folder."""
+    if page.stem == "view":
+        pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'skin-calib[view]'")
     shutil.copytree(after_readme, tmp_path / "fresh")
     monkeypatch.chdir(tmp_path / "fresh")
     shown = run_page(page, capsys)
