@@ -3,7 +3,8 @@
     python scripts/view_picture.py [FOLDER]
 
 It needs ``pip install 'skin-calib[view]'`` and a Vulkan driver, such as Mesa's for a processor (``apt install
-mesa-vulkan-drivers``). FOLDER gets the files of the steps, and the picture in its full size.
+mesa-vulkan-drivers``). FOLDER gets the files of the steps, and the picture in its full size. Look at the picture: on a
+busy machine the viewer takes it before it has read the whole file.
 """
 
 import os
