@@ -384,7 +384,7 @@ def of_sheet(
     arms = pitch * (taxels.index - cell)[:, ::-1]
     strain = np.abs(taxels.quality["strain"][:, :2]).max(axis=1)
     registration = Registration(ORIGIN_UNCERTAINTY, DIRECTION_UNCERTAINTY, tuple(point))
-    along_rows = moved_within(arms, registration, usual_curvature(surface, taxels.uv))
+    along_rows = moved_within(arms, registration.covariance, usual_curvature(surface, taxels.uv))
     uncertainty = taxel_uncertainty(taxels, field, along_rows + stated.variance * np.eye(2))
     sigma, worst = uncertainty.sigma, np.linalg.eigh(uncertainty.angle)[1][:, :, 1]
     axes = np.stack((taxels.tangents_link, np.cross(taxels.normals_link, taxels.tangents_link)), axis=1)

@@ -111,6 +111,15 @@ class SKIN_OT_zone_remove(OnSkin, RemoveEntry, Operator):
         return of_kind(plan, self.skin, "hexagons", "excluded zones").excluded
 
 
+class SKIN_OT_registration_remove(OnSkin, Edit, Operator):
+    """Forget how touches registered this skin, which has the usual uncertainty again; it stays where it is"""
+
+    bl_label = "Forget Registration"
+
+    def edit(self, context, plan):
+        entry(plan.skins, self.skin, "skin").touches = ""
+
+
 class Place(OnSkin, Edit):
     """Sets the origin of a skin, or the point of one of its landmarks or zones."""
 

@@ -65,8 +65,8 @@ ICONS = {
     "SNAP_ON": "touches_move",
     "SURFACE_DATA": "fit fit_all skin_surface surface_show",
     "VIEWZOOM": "diagnose frame_find",
-    "X": "boundary_remove compare_end cut_remove landmark_remove replay_close single_taxel_remove skin_remove "
-    "surface_remove touches_end zone_remove",
+    "X": "boundary_remove compare_end cut_remove landmark_remove registration_remove replay_close "
+    "single_taxel_remove skin_remove surface_remove touches_end zone_remove",
     "ZOOM_SELECTED": "show_warning show_worst",
 }
 POPOVER_UNITS = 16  # width of the status as a popover, in units of a button's height

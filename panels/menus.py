@@ -97,6 +97,8 @@ class SKIN_MT_skins(bpy.types.Menu):
         if skin.kind == "hexagons":
             button(layout, "boards_paint", skin=i)
         button(layout, "zones_from_faces", skin=i)
+        if skin.touches:
+            button(layout, "registration_remove", skin=i)
         lists = {"sheet": (("landmark", skin.landmarks),), "hexagons": (("zone", skin.excluded),)}.get(skin.kind, ())
         for what, listed in lists:
             button(layout, f"{what}_add", skin=i)

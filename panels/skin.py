@@ -7,8 +7,10 @@ import bpy
 
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.properties.millimetres import shown
+from ..skin_calib_addon.blender.scene.fields import read_key
 from ..skin_calib_addon.blender.scene.plans import surface_names
 from ..skin_calib_addon.common.errors import counted
+from ..skin_calib_addon.pipeline.report import registered
 from ..skin_calib_addon.plan.keys import SKINS_OF
 from .base import (
     BUTTON_WIDTH,
@@ -109,6 +111,7 @@ class SkinStep(Step):
             "taxels": partial(self.draw_single_taxels, i=i),
             "surface": partial(self.draw_surface, i=i),
             "file": self.draw_file,
+            "touches": partial(self.draw_touches, i=i),
             "frame": partial(self.draw_frame, i=i),
         }
 
@@ -195,6 +198,14 @@ class SkinStep(Step):
                     row.prop(skin, "rotation", index=j, text="")
             field(layout, skin, shown(skin, "translation"))
         button(layout, "frame_find", skin=i)
+
+    def draw_touches(self, layout, skin, key, i):
+        if skin.touches:
+            first, second = registered(read_key(key, skin, 1.0).touched)
+            row = layout.row(align=True)
+            show_text(row, first, "SNAP_ON")
+            symbol(row, "registration_remove", skin=i)
+            show_text(layout, second, "NONE")
 
     def draw_entry(self, box, title, what, i, k):
         """Draw the head of a landmark or zone."""

@@ -4,7 +4,7 @@ from ..common.encoding import encode
 from ..common.findings import Finding
 from .file import check_bytes, check_calibration, from_document, load_calibration, save_calibration, to_document
 from .modality import Modality
-from .model import LinkCalibration, MeshSource, Patch, Registration, SurfaceModel, TaxelArray, Trusted
+from .model import LinkCalibration, MeshSource, Patch, Registration, SurfaceModel, TaxelArray, Touched, Trusted
 from .response import Response, ResponseTable
 from .taxel_responses import TaxelResponses
 from .validate import validate
@@ -21,6 +21,7 @@ __all__ = [
     "SurfaceModel",
     "TaxelArray",
     "TaxelResponses",
+    "Touched",
     "Trusted",
     "check_bytes",
     "check_calibration",

@@ -20,7 +20,7 @@ from ..common.warnings import from_document as warnings_from
 from ..common.warnings import to_document as warnings_document
 from .migration import migrated
 from .modality import modality_document, modality_from
-from .model import LinkCalibration, MeshSource, Patch, Registration, SurfaceModel, TaxelArray, Trusted
+from .model import LinkCalibration, MeshSource, Patch, Registration, SurfaceModel, TaxelArray, Touched, Trusted
 from .parts import STORED_ROUNDING
 from .response import response_document, response_from
 from .validate import CALIBRATION_VERSION, FORMAT, SCHEMA, validate, validate_content
@@ -230,6 +230,7 @@ def _patch_document(patch: Patch) -> Document:
         **({"offset": float(patch.offset)} if patch.offset else {}),
         **({"registration": _numbers(patch.registration, _REGISTRATION)} if patch.registration else {}),
         **({"max_load": float(patch.max_load)} if patch.max_load else {}),
+        **({"touches": _touched_document(patch.touches)} if patch.touches else {}),
         "taxels": columns,
         **_free(patch.extra),
     }
@@ -257,6 +258,7 @@ def _patch(document: Document) -> Patch:
         offset=float(document.get("offset", 0.0)),
         registration=_registration(document["registration"]) if "registration" in document else None,
         max_load=float(document["max_load"]) if "max_load" in document else None,
+        touches=_touched(document["touches"]) if "touches" in document else None,
         taxels=taxels,
         extra=_extra(document),
     )
@@ -277,6 +279,29 @@ def _unit_frames(vectors: dict[str, Array]) -> dict[str, Array]:
 def _registration(document: Document) -> Registration:
     x, y, z = map(float, document["anchor"])
     return Registration(float(document["origin"]), float(document["direction"]), (x, y, z))
+
+
+def _touched_document(touched: Touched) -> Document:
+    """Return the members that are known; numbers become floats."""
+    counts = {name: int(getattr(touched, name)) for name in ("used", "left_out")}
+    names = ("shift", "turn", "covariance", "anchor", "along", "normal", "angle")
+    known = [name for name in names if getattr(touched, name) is not None]
+    return {
+        "date": touched.date,
+        **({"session": touched.session} if touched.session else {}),
+        **counts,
+        **_numbers(touched, known),
+    }
+
+
+def _touched(document: Document) -> Touched:
+    kinds = {"date": str, "session": str, "used": int, "left_out": int}
+    return Touched(**{"session": ""} | {name: kinds.get(name, _tuples)(value) for name, value in document.items()})
+
+
+def _tuples(value: Any) -> Any:
+    """Return nested tuples of floats."""
+    return tuple(map(_tuples, value)) if isinstance(value, list) else float(value)
 
 
 def _distances(document: Document) -> DistanceStatistics:

@@ -158,6 +158,38 @@ class Registration:
     direction: float  # of the rotation about the normal at the anchor [rad]
     anchor: tuple[float, float, float]  # point of the patch that is placed, link frame [m]
 
+    @property
+    def covariance(self) -> Array:
+        """Covariance (3, 3) of the shift along the rows and across, and of the rotation [m, m, rad]."""
+        return np.diag((self.origin**2, self.origin**2, self.direction**2))
+
+
+@dataclass(frozen=True)
+class Touched:
+    """How a patch was registered by touches: the motion, its covariance, and what the touches deviate after it."""
+
+    date: str  # of the registration, as 2026-11-29
+    session: str  # SHA-256 of the file of the touches; empty: not from a file
+    used: int  # touches that the motion explains
+    left_out: int  # the others
+    shift: tuple[float, float]  # of the anchor along the rows and across [m]; zero if the skin stayed
+    turn: float  # counter-clockwise seen from outside [rad]
+    covariance: tuple[tuple[float, float, float], ...]  # (3, 3) of shift and turn [m, m, rad]
+    anchor: tuple[float, float, float]  # point of the patch that shifts and turns, link frame [m]
+    along: float  # rms distance of the touches along the skin from the taxels that felt them [m]
+    normal: float | None = None  # rms height over the taxels [m]; None: not measured
+    angle: float | None = None  # rms angle from normal to force [rad]; None: not measured
+
+    @property
+    def shift_error(self) -> float:
+        """Standard uncertainty of the shift in its least certain direction [m]."""
+        return float(np.sqrt(np.linalg.eigvalsh(np.array(self.covariance)[:2, :2])[-1]))
+
+    @property
+    def turn_error(self) -> float:
+        """Standard uncertainty of the rotation [rad]."""
+        return float(np.sqrt(self.covariance[2][2]))
+
 
 @dataclass(frozen=True, eq=False)
 class Patch:
@@ -173,6 +205,7 @@ class Patch:
     offset: float = 0.0  # height of the middle plane of the skin above the surface [m]
     registration: Registration | None = None  # which the uncertainties of the taxels assume; None: not stated
     max_load: float | None = None  # largest plausible load [N]; None: by the area
+    touches: Touched | None = None  # by which it was registered; None: by none
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, IntArray
+from ..common.arrays import Array, BoolArray, IntArray, is_covariance
 from ..common.findings import Finding, error, show, warning
 from .model import MIN_TAXEL_DISTANCE, fan_areas, neighbour_rows
 from .parts import Part, needs
@@ -240,6 +240,14 @@ def _registration_is_in_si_units(patch: Part, registration: dict[str, Any]) -> I
         yield error("units", patch.at("registration", "anchor"), message, registration["anchor"])
 
 
+@needs("touches")
+def _touches_have_a_covariance(patch: Part, touches: dict[str, Any]) -> Iterator[Finding]:
+    covariance = touches["covariance"]
+    if not is_covariance(np.array(covariance, float)):
+        message = "is no covariance: it is not symmetric, or a direction has a negative variance"
+        yield error("covariance", patch.at("touches", "covariance"), message, covariance)
+
+
 def taxels_are_apart(patches: list[Part]) -> Iterator[Finding]:
     """Check that no two taxels of a link are in one place. Those that look away from each other are on a thin wall."""
     valid = [patch for patch in patches if patch.members.keys() >= {"position", "normal", "pitch", "id"}]
@@ -302,4 +310,5 @@ CHECKS = (
     _neighbours_fit_pitch,
     _sigma_is_in_si_units,
     _registration_is_in_si_units,
+    _touches_have_a_covariance,
 )

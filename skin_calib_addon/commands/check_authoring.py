@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from ..calibration import robot_set
-from ..common.errors import CalibrationFormatError, SkinCalibError
+from ..common.errors import CalibrationFormatError, SkinCalibError, listed
 from ..common.findings import Finding, did_you_mean, error, show, warning
 from ..pipeline.sources import is_same_mesh as is_same_mesh
 from ..plan import check_plan_wholly, load_plan
+from ..plan.document import skins_from
+from ..plan.skins import placed_anew
 from ..proposal.links import plan_warnings
 from ..robot.link_mesh import is_urdf, plan_mesh_files
 from ..robot.urdf import read_robot
@@ -48,6 +50,12 @@ def _plan_warnings(path: Path, document: dict[str, Any]) -> Iterator[Finding]:
             yield warning("no-mesh", "/mesh", f"has no mesh for the link: {problem}")
     for sentence in plan_warnings(path):
         yield warning("proposal", "/x_proposal", f"warns: {sentence}")
+    for k, skin in enumerate(skins_from(document["skins"])):
+        if (changed := placed_anew(skin)) and skin.touches is not None:
+            message = (
+                f"are of {skin.touches.touched.date}: the skin was placed anew since, with another {listed(changed)}"
+            )
+            yield warning("placed-anew", f"/skins/{k}/touches", f"{message}; touch it again, or put it back")
     for k, skin in enumerate(document["skins"]):
         if skin["kind"] == "imported" and not os.path.isfile(path.parent / skin["file"]):
             message = "does not exist; paths are relative to the folder of the plan"

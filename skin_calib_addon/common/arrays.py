@@ -10,6 +10,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 ComplexArray = NDArray[np.complex128]
 AnyArray = TypeVar("AnyArray", Array, BoolArray)
+COVARIANCE_ROUNDING = 1e-9  # [1] of a correlation. Larger: matrices that are no covariances pass.
 
 
 def freeze(record: object, **shapes: tuple[int | None, ...]) -> None:
@@ -49,6 +50,14 @@ def unmasked(values: Any) -> Array:
 def some(flags: BoolArray) -> bool:
     """Return whether a flag is set, of an array or of one number; NumPy takes long for one number."""
     return bool(flags.any()) if flags.ndim else bool(flags)
+
+
+def is_covariance(matrix: Array) -> bool:
+    """Return whether a square matrix is symmetric and positive semidefinite, within rounding."""
+    scale = np.sqrt(np.abs(np.outer(np.diag(matrix), np.diag(matrix))))
+    scaled = matrix / np.where(scale > 0, scale, 1.0)
+    is_symmetric = np.abs(scaled - scaled.T).max() <= COVARIANCE_ROUNDING
+    return bool(is_symmetric and np.linalg.eigvalsh(scaled).min() >= -COVARIANCE_ROUNDING)
 
 
 def unit(vectors: Any) -> Array:

@@ -29,7 +29,7 @@ from ..skin.sheet.taxels import preview_taxels, sheet_taxels
 from ..skin.sheet.wrap import WrappedSheet, wrap_sheet
 from ..skin.single_taxels import with_single_taxels
 from ..skin.warnings import check_overhang, check_overlap, placement_warnings
-from .taxel_sigma import draft_sigma, with_sigma
+from .taxel_sigma import draft_sigma, placed_anew_warning, with_sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +40,7 @@ class PlacedSkin:
     sheet: WrappedSheet | None = None
     imported: ImportedTaxels | None = None
     disabled: Patch | None = None  # its taxels that the patch does not have
+    of_plan: tuple[Warning, ...] = ()  # about what the plan says of the skin
 
     @cached_property
     def closure(self) -> Closure | None:
@@ -53,7 +54,7 @@ class PlacedSkin:
         of_file = (
             Warning(f.code, f.severity, f"{name}: {f.sentence}", Place(names=f.pointer, skin=name)) for f in findings
         )
-        return (*placement_warnings(self.patch, self.closure), *of_file)
+        return (*self.of_plan, *placement_warnings(self.patch, self.closure), *of_file)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +86,7 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = 
             done = place_skin(skin, fits[name], first) if draft is None else draft_skin(skin, fits[name], first, draft)
         imported = done.imported and done.imported.on(plan.link)
         patch = replace(done.patch, surface=name, max_load=skin.max_load)
-        placed.append(replace(done, patch=patch, imported=imported))
+        placed.append(replace(done, patch=patch, imported=imported, of_plan=tuple(placed_anew_warning(skin))))
         counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
     first_channels(skins, counts)
     patches = tuple(done.patch for done in placed)

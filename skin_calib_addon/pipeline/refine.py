@@ -2,19 +2,21 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..calibration.model import LinkCalibration, Patch
+from ..calibration.model import LinkCalibration, Patch, Registration, Touched
 from ..common.arrays import Array
 from ..common.errors import InvalidPlan, listed
 from ..geometry.blas_threads import one_blas_thread
 from ..plan import Plan
-from ..plan.skins import BoardSkin, ImportedSkin, Mounting, SheetSkin, Skin
+from ..plan.skins import BoardSkin, ImportedSkin, Registered, SheetSkin, Skin, spot_of
 from ..skin.sheet.landmarks import Landmark
-from ..skin.uncertainty import MAX_DIRECTION_UNCERTAINTY, MIN_ORIGIN_UNCERTAINTY
+from ..skin.uncertainty import MIN_ORIGIN_UNCERTAINTY
+from ..validation.directions import directions_of
 from ..validation.flat import flat_places, link_point
 from ..validation.placement import MAX_UNEXPLAINED, MIN_TOUCHES, Placement, placements
 from ..validation.registration import Motion, rigid_motion
@@ -67,7 +69,7 @@ def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
         largest = {a.patch.name: float(np.linalg.norm(left[a.patch.name].at(a.flat), axis=1).max()) for a, _ in pairs}
         if all(length < REFINE_TOLERANCE for length in largest.values()):
             plan, result = replace(plan, skins=skins), replace(result, calibration=_calibration(result, placed))
-            return _with_registration(plan, result, placed, found, of_touches)
+            return _with_registration(plan, result, placed, found, of_touches, touches)
     worst = max(largest, key=lambda name: largest[name])
     raise InvalidPlan(
         f"the refinement of skin {worst!r} did not converge in {MAX_REFINE_STEPS} steps: "
@@ -118,27 +120,69 @@ def _with_registration(
     placed: Sequence[PlacedSkin],
     found: list[Placement],
     motions: Mapping[str, Motion],
+    touches: Touches,
 ) -> Refined:
-    """State the standard errors of the touches in the plan, and in the calibration with the uncertainties from them.
-
-    Position and rotation are uncertain independently of each other at the mean position of the touches.
-    """
+    """State the registration in the plan, and in the calibration with the uncertainties of the taxels that follow."""
     skins, patches = [], []
+    placement_of, angles = {placement.patch.name: placement for placement in found}, _angles(result, placed, touches)
     for skin, done in zip(plan.skins, placed):
         patch = done.patch
         if skin.name in motions:
-            motion = motions[skin.name]
-            rest = motion if motion.is_certain else motion.left_out  # a skin without a significant motion stays
-            origin = max(float(rest.shift_error.max()), MIN_ORIGIN_UNCERTAINTY)
-            direction = min(rest.turn_error, MAX_DIRECTION_UNCERTAINTY)
-            if not np.isfinite(motion.turn_error):  # the touches do not rotate the skin
-                direction = registration_of(skin, patch, done.sheet).direction
-            anchor = _triple(link_point(patch, motion.middle))
-            skin = replace(skin, registration=Mounting(origin, direction, anchor))
+            assert not isinstance(skin, ImportedSkin)  # which has no motion
+            usual = registration_of(replace(skin, touches=None), patch, done.sheet)
+            touched = _touched(placement_of[skin.name], motions[skin.name], usual, touches.sha256, angles)
+            skin = replace(skin, touches=Registered(touched, spot_of(skin)))
             patch = with_sigma(patch, skin, result.fits[patch.surface], done.sheet, plan.mesh_uncertainty)
         skins.append(skin)
         patches.append(patch)
     return Refined(replace(plan, skins=tuple(skins)), replace(result.calibration, patches=tuple(patches)), found)
+
+
+def _touched(
+    placement: Placement, motion: Motion, usual: Registration, session: str, angles: Mapping[int, float]
+) -> Touched:
+    """Return how a skin was registered; ``angles`` [rad] of the forces by their lines.
+
+    A skin without a significant motion stays. A rotation that the touches do not determine is as uncertain as usual.
+    """
+    made = motion if motion.is_certain else motion.left_out
+    covariance = made.covariance + MIN_ORIGIN_UNCERTAINTY**2 * np.diag((1.0, 1.0, 0.0))
+    if not np.isfinite(motion.turn_error):
+        covariance[2] = covariance[:, 2] = 0.0
+        covariance[2, 2] = usual.direction**2
+    used = ~placement.unexplained
+    heights = placement.offsets[used, 2]
+    along, normal, angle = map(
+        _rms,
+        (
+            placement.distances[used],
+            heights[~np.isnan(heights)],
+            [angles[k] for k in placement.lines[used].tolist() if k in angles],
+        ),
+    )
+    return Touched(
+        date=datetime.now(UTC).date().isoformat(),
+        session=session,
+        used=int(used.sum()),
+        left_out=int((~used).sum()) + len(placement.grazing),
+        shift=(float(made.shift[0]), float(made.shift[1])),
+        turn=float(made.turn),
+        covariance=tuple(map(_triple, covariance)),
+        anchor=_triple(link_point(placement.patch, motion.middle)),
+        along=along or 0.0,
+        normal=normal,
+        angle=angle,
+    )
+
+
+def _rms(values: Array | list[float]) -> float | None:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else None
+
+
+def _angles(result: Calibrated, placed: Sequence[PlacedSkin], touches: Touches) -> dict[int, float]:
+    """Return the angles of the forces to the normals by the lines of their touches [rad]."""
+    directions, _ = directions_of(_calibration(result, placed), touches)
+    return {} if directions is None else dict(zip(directions.lines.tolist(), directions.angles.tolist()))
 
 
 def _motion(placement: Placement) -> Motion:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..calibration.model import LinkCalibration, MeshSource, Patch, TaxelArray, neighbour_rows
+from ..calibration.model import LinkCalibration, MeshSource, Patch, TaxelArray, Touched, neighbour_rows
 from ..calibration.response import AnyResponse, ResponseTable
 from ..calibration.robot_set import RobotSet
 from ..common.arrays import Array
@@ -295,10 +295,26 @@ def _patch_lines(patch: Patch) -> Iterator[str]:
     yield f"          from {low} to {high}"
     if np.isfinite(taxels.sigma).any():
         yield f"          {_uncertainty(taxels)}"
+    if patch.touches is not None:
+        yield from (f"          {line}" for line in registered(patch.touches))
     for name, values in sorted(taxels.quality.items()):
         for what, column, factor, unit in _columns(name, values):
             worst = int(np.abs(column).argmax())
             yield f"          largest {what}: {column[worst] * factor:.4g} {unit}, at {taxels.ids[worst]}"
+
+
+def registered(touched: Touched) -> tuple[str, str]:
+    """Return two lines: when and by what a patch was registered, and how well."""
+    x, y, turn = (round(number, 2) + 0.0 for number in (*(1e3 * s for s in touched.shift), np.rad2deg(touched.turn)))
+    session = f", session {touched.session[:8]}" if touched.session else ""
+    deviations = [f"{1e3 * touched.along:.2f} mm along"]
+    deviations += [] if touched.normal is None else [f"{1e3 * touched.normal:.2f} mm normal"]
+    deviations += [] if touched.angle is None else [f"{np.rad2deg(touched.angle):.1f} degrees"]
+    return (
+        f"registered {touched.date} by {touched.used} touches, {touched.left_out} left out{session}",
+        f"moved by {x:.2f}, {y:.2f} +- {1e3 * touched.shift_error:.2f} mm and {turn:.2f} +- "
+        f"{np.rad2deg(touched.turn_error):.2f} degrees; touches deviate by {', '.join(deviations)} (rms)",
+    )
 
 
 def _uncertainty(taxels: TaxelArray) -> str:

@@ -6,20 +6,21 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..calibration.model import Patch, Registration
+from ..calibration.model import Patch, Registration, Touched
 from ..common.arrays import Array, BoolArray
 from ..common.errors import InvalidPlan, counted, listed, millimetres
 from ..common.mesh_uncertainty import MeshUncertainty
 from ..common.warnings import Place, Warning, point_of
 from ..geometry.fit.mesh_uncertainty import with_mesh_uncertainty
 from ..geometry.fit.surface_fit import SurfaceFit
-from ..plan.skins import ImportedSkin, Mounting, SheetSkin, Skin
+from ..plan.skins import ImportedSkin, Mounting, SheetSkin, Skin, placed_anew
 from ..skin.sheet.landmarks import MAX_POINT_DISTANCE
 from ..skin.sheet.wrap import WrappedSheet
 from ..skin.single_taxels import chosen_taxels
 from ..skin.uncertainty import (
     DIRECTION_UNCERTAINTY,
     MAX_KNOWN_STRAIN,
+    NOT_RIGID,
     ORIGIN_UNCERTAINTY,
     moved_rigidly,
     moved_within,
@@ -47,6 +48,7 @@ def with_sigma(
 ) -> Patch:
     """Return a patch with the standard uncertainty of each taxel, and the registration that it assumes."""
     registration = registration_of(skin, patch, sheet)
+    touched = touched_of(skin)
     taxels, field = patch.taxels, with_mesh_uncertainty(fit, mesh)
     of_part = mesh.variance * np.eye(2)  # along the surface
     if isinstance(skin, ImportedSkin):  # it keeps the positions of a file
@@ -58,14 +60,17 @@ def with_sigma(
         uncertainty.angle[of_boards] = (tilt + mesh.slope) * np.eye(2)
     else:
         arms = flat_places(patch, taxels.index) - flat_point(patch, np.array(registration.anchor))
-        along = moved_within(arms, registration, usual_curvature(field.surface, taxels.uv))
-        uncertainty = taxel_uncertainty(taxels, field, along + of_part)
+        covariance = registration.covariance if touched is None else np.array(touched.covariance)
+        along = moved_within(arms, covariance, usual_curvature(field.surface, taxels.uv)) + of_part
+        if touched is not None and isinstance(skin, SheetSkin):
+            along += NOT_RIGID**2 * np.eye(2)
+        uncertainty = taxel_uncertainty(taxels, field, along)
     sigma = uncertainty.sigma
     sigma[~fit.is_trusted(taxels.uv)] = np.nan  # over a hole, which has its own warning
     for _, unknown in _unknown(patch, fit, may_fold):
         sigma[unknown] = np.nan
     sigma[~np.isfinite(sigma).all(axis=1)] = np.nan
-    return replace(patch, taxels=replace(taxels, sigma=sigma), registration=registration)
+    return replace(patch, taxels=replace(taxels, sigma=sigma), registration=registration, touches=touched)
 
 
 def draft_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | None, mesh: MeshUncertainty) -> Patch:
@@ -79,12 +84,14 @@ def draft_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet |
     found = with_sigma(replace(patch, taxels=part), skin, fit, sheet, mesh, may_fold=False)
     nearest = cKDTree(part.index).query(taxels.index)[1]
     sigma = found.taxels.known_sigma[nearest]
-    return replace(patch, taxels=replace(taxels, sigma=sigma), registration=found.registration)
+    return replace(found, taxels=replace(taxels, sigma=sigma))
 
 
 def registration_of(skin: Skin, patch: Patch, sheet: WrappedSheet | None) -> Registration:
-    """Return how exactly a skin is mounted: as the plan says, or as a skin of its kind usually is."""
+    """Return how exactly a skin is mounted: by its touches, as the plan says, or as a skin of its kind usually is."""
     stated = skin.registration or Mounting(direction=_usual_direction(skin))
+    if touched := touched_of(skin):
+        stated = Mounting(touched.shift_error, touched.turn_error, touched.anchor)
     if stated.anchor is None:
         return Registration(stated.origin, stated.direction, point_of(anchor_of(skin, patch, sheet)))
     arms = np.array(stated.anchor) - patch.taxels.positions_link
@@ -98,6 +105,24 @@ def registration_of(skin: Skin, patch: Patch, sheet: WrappedSheet | None) -> Reg
             place=Place(stated.anchor, skin=skin.name),
         )
     return Registration(stated.origin, stated.direction, stated.anchor)
+
+
+def touched_of(skin: Skin) -> Touched | None:
+    """Return how touches registered a skin; None if they did not, or if it was placed anew."""
+    return None if skin.touches is None or placed_anew(skin) else skin.touches.touched
+
+
+def placed_anew_warning(skin: Skin) -> Iterator[Warning]:
+    """Yield a warning if a skin is no longer where touches registered it."""
+    if skin.touches is not None and (changed := placed_anew(skin)):
+        yield Warning(
+            "placed-anew",
+            "warning",
+            f"Skin {skin.name} was placed anew after touches registered it on {skin.touches.touched.date}: it has "
+            f"another {listed(changed)}. Its uncertainty is that of a skin without touches.",
+            Place(skin=skin.name),
+            advice="Touch it again, or put it back.",
+        )
 
 
 def _usual_direction(skin: Skin) -> float:

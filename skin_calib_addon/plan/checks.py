@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..calibration.parts import sound_items
-from ..common.arrays import MIN_DIRECTION_LENGTH
+from ..common.arrays import MIN_DIRECTION_LENGTH, is_covariance
 from ..common.errors import InvalidPlan, SkinCalibError, listed
 from ..common.findings import Finding, child, did_you_mean, error
 from ..geometry.grid.grids import Across, Grid, PlanesGrid
@@ -112,6 +112,10 @@ def check_alone(skin: Skin) -> None:
     if isinstance(skin, BoardSkin) and isinstance(skin.choice, tuple):
         check_boards(name, skin.choice)
     check_single_taxels(skin)
+    if skin.touches is not None and not is_covariance(np.array(skin.touches.touched.covariance)):
+        raise InvalidPlan(
+            f"The touches of skin {name!r} have no valid covariance. Remove them, and touch the skin again."
+        )
 
 
 def check_boards(name: str, boards: Sequence[Cell]) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from ..calibration.exchange import FORMATS, READABLE
 from ..calibration.modality import UNITS, Modality
-from ..calibration.model import MAX_CHANNEL
+from ..calibration.model import MAX_CHANNEL, Touched
 from ..calibration.response import Response
 from ..calibration.validate import SCHEMA
 from ..common.mesh_uncertainty import CORRELATION_LENGTH, MESH_DEVIATION, MeshUncertainty
@@ -28,7 +28,7 @@ from ..skin.uncertainty import (
 from .key import Choice, Key, Record, Switch, Type
 from .plan import SURFACE as FIRST_SURFACE
 from .plan import Plan, Surface
-from .skins import BoardSkin, Frame, ImportedSkin, Mounting, SheetSkin
+from .skins import BoardSkin, Frame, ImportedSkin, Mounting, Registered, SheetSkin, Spot
 
 FORMAT = "skin-plan"
 PLAN_VERSION = 2  # Format: newest version of plan files
@@ -271,7 +271,7 @@ MAX_LOOPS, MAX_CORNERS = 100, 1000  # Format: of a boundary, and of each of its 
 BOUNDARY = Key(
     "boundary",
     Type(
-        "boundary",
+        "json",
         "list of loops of points [m]",
         {
             "type": "array",
@@ -452,10 +452,89 @@ MOUNTING = Record(
 REGISTRATION = Key(
     "registration",
     one(MOUNTING),
-    "How exactly the skin is mounted; the uncertainty of its taxels follows. `touches --refine` writes it.",
+    "How exactly the skin is mounted; the uncertainty of its taxels follows. `touches` replaces it.",
     default=None,
     otherwise="1 mm and 1 degree; with two landmarks the rotation follows from 1 mm at each",
     switch=Switch("auto_registration", "Standard Mount"),
+)
+HASH = Type("text", "SHA-256", {"type": "string", "pattern": "^[0-9a-f]{64}$"})
+SPOT = Record(
+    "spot",
+    "Spot",
+    Spot,
+    (
+        Key(
+            "points",
+            Type("points", "list of points", {"type": "array", "items": dict(POINT.schema)}, "m"),
+            "The landmarks, or the origin; empty if centred.",
+        ),
+        Key("direction", DIRECTION, "Direction of the row.", default=None, otherwise="along the surface's v"),
+        Key("surface", NAME, "Its surface.", default=None, otherwise="the first one"),
+        Key("cells", HASH, "Hash of the lattice and of the cells that are listed or pinned."),
+    ),
+)
+TOUCHED = Record(
+    "touches",
+    "Touches",
+    Registered,
+    (
+        Key(
+            "date",
+            Type("text", "date", {"type": "string", "pattern": "^[0-9]{4}-[0-9]{2}-[0-9]{2}$"}),
+            "Day of the registration.",
+        ),
+        Key("session", HASH, "Hash of the file of the touches.", default=""),
+        Key("used", count(minimum=0), "Number of touches that the motion explains."),
+        Key("left_out", count(minimum=0), "Number of the others."),
+        Key(
+            "shift",
+            pair("length", "two lengths", {"type": "number", "minimum": -1, "maximum": 1}, "m"),
+            "Motion of the anchor along the rows and across; zero if the skin stayed.",
+        ),
+        Key("turn", ANGLE, "Rotation about the normal at the anchor."),
+        Key(
+            "covariance",
+            Type(
+                "covariance",
+                "three rows of three numbers",
+                {"type": "array", "items": dict(POINT.schema), "minItems": 3, "maxItems": 3},
+                "",
+                (3, 3),
+            ),
+            "Covariance of shift and turn [m, m, rad].",
+        ),
+        Key("anchor", POINT, "Point of the skin that shifts and turns."),
+        Key(
+            "along",
+            length(minimum=0),
+            "Root mean square distance of the touches along the skin from the taxels that felt them.",
+        ),
+        Key(
+            "normal",
+            length(minimum=0),
+            "Root mean square height over these taxels.",
+            default=None,
+            otherwise="not measured",
+        ),
+        Key(
+            "angle",
+            replace(ANGLE, schema={"type": "number", "minimum": 0, "maximum": 4}),
+            "Root mean square angle from normal to force.",
+            default=None,
+            otherwise="not measured",
+        ),
+        Key("spot", one(SPOT), "Where the plan placed the skin then."),
+    ),
+    {"touched": Touched},
+)
+TOUCHES = Key(
+    "touches",
+    one(TOUCHED, "json"),
+    "How `touches --refine` registered the skin; the uncertainty of its taxels follows as long as the plan places it "
+    "there.",
+    default=None,
+    empty="",
+    label="Registered",
 )
 
 SINGLE_TAXEL = Record(
@@ -576,6 +655,7 @@ SHEET = Record(
         MAX_LOAD,
         OFFSET,
         REGISTRATION,
+        TOUCHES,
         FIRST_CHANNEL,
         SINGLE_TAXELS,
     ),
@@ -647,6 +727,7 @@ BOARDS = Record(
         MAX_LOAD,
         OFFSET,
         REGISTRATION,
+        TOUCHES,
         FIRST_CHANNEL,
         SINGLE_TAXELS,
     ),
@@ -960,6 +1041,8 @@ RECORDS: tuple[Record, ...] = (
     FRAME,
     IMPORTED,
     MOUNTING,
+    TOUCHED,
+    SPOT,
     MESH_ERROR,
     MODALITY,
     SURFACE,

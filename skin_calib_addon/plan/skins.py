@@ -1,10 +1,14 @@
 """The skins of a plan: what is placed where on the link."""
 
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
-from ..calibration.model import MAX_CHANNEL
+import numpy as np
+
+from ..calibration.model import MAX_CHANNEL, Touched
+from ..common.arrays import unit
 from ..common.errors import InvalidPlan
 from ..skin.boards.ground import Zone
 from ..skin.boards.layout import Choice
@@ -25,6 +29,28 @@ class Mounting(NamedTuple):
     anchor: Point | None = None  # near the skin [m]; None: what places the skin
 
 
+# [m], [1] differences of points and of unit directions from which on a skin was placed anew. Smaller: rounding in the
+# window counts. Larger: a skin that was moved keeps the uncertainty of its touches.
+MAX_SAME_POINT, MAX_SAME_DIRECTION = 1e-5, 1e-4
+
+
+class Spot(NamedTuple):
+    """Where a plan places a skin, to find out whether it does so still."""
+
+    points: tuple[Point, ...]  # the landmarks, or the origin; empty: centred
+    direction: Point | None  # of the row; None: along the lines of the surface
+    surface: str | None  # its name; None: the first of the plan
+    cells: str  # hash of the lattice, and of the cells that are listed or pinned
+
+
+@dataclass(frozen=True)
+class Registered:
+    """How a skin was registered by touches, and where the plan placed it then."""
+
+    touched: Touched
+    spot: Spot
+
+
 @dataclass(frozen=True, kw_only=True)
 class OnSurface:
     """What a plan can say of a skin of any kind."""
@@ -35,6 +61,7 @@ class OnSurface:
     max_load: float | None = None  # largest plausible load [N]; None: by the area
     registration: Mounting | None = None  # None: with the usual uncertainty, or that of two landmarks
     taxels: tuple[SingleTaxel, ...] = ()  # those that differ from the others
+    touches: Registered | None = None  # which replaces the registration while the skin is where it was registered
 
 
 @dataclass(frozen=True)
@@ -95,6 +122,36 @@ class ImportedSkin(OnSurface):
 
 
 Skin = SheetSkin | BoardSkin | ImportedSkin
+
+
+def spot_of(skin: SheetSkin | BoardSkin) -> Spot:
+    """Return where a plan places a skin."""
+    points: tuple[Point, ...] = () if skin.origin is None else (skin.origin,)
+    cells: list[object] = [f"{number:.5g}" if isinstance(number, float) else number for number in astuple(skin.lattice)]
+    if isinstance(skin, BoardSkin):
+        listed = [] if isinstance(skin.choice, str) else skin.choice
+        cells += [skin.choice] if isinstance(skin.choice, str) else []
+        cells += [[f"{number:.6f}" if k > 1 else number for k, number in enumerate(cell)] for cell in listed]
+    elif skin.landmarks:
+        points = tuple(mark.point for mark in skin.landmarks)
+        cells += [list(mark.cell) for mark in skin.landmarks]
+    return Spot(points, skin.direction, skin.surface, sha256(repr(cells).encode()).hexdigest())
+
+
+def placed_anew(skin: Skin) -> list[str]:
+    """Return what of a skin is no longer as it was registered by touches; empty if all is, or if it was not."""
+    if skin.touches is None or isinstance(skin, ImportedSkin):
+        return []
+    then, now = skin.touches.spot, spot_of(skin)
+    is_elsewhere = len(then.points) != len(now.points) or any(
+        np.abs(np.subtract(a, b)).max() > MAX_SAME_POINT for a, b in zip(then.points, now.points)
+    )
+    is_turned = (then.direction is None) != (now.direction is None) or (
+        then.direction is not None
+        and np.abs(unit(np.array(then.direction)) - unit(np.array(now.direction))).max() > MAX_SAME_DIRECTION
+    )
+    differs = (is_elsewhere, is_turned, then.surface != now.surface, then.cells != now.cells)
+    return [what for what, is_other in zip(("position", "direction", "surface", "cells"), differs) if is_other]
 
 
 def first_channels(skins: tuple[Skin, ...], counts: list[int | None]) -> list[int | None]:

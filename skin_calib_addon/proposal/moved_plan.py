@@ -62,6 +62,7 @@ def _moved_skin(skin: Skin, twin: Twin) -> Skin:
         raise InvalidPlan(f"{skin.name} has the taxels of a file, which have no copy. Remove it, or copy by hand.")
     if skin.registration is not None and skin.registration.anchor is not None:
         skin = replace(skin, registration=skin.registration._replace(anchor=_point(skin.registration.anchor, twin)))
+    skin = replace(skin, touches=None)  # nobody touched the copy
     origin = None if skin.origin is None else _point(skin.origin, twin)
     if isinstance(skin, SheetSkin):
         hand = skin.lattice.hand

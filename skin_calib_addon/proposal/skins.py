@@ -133,10 +133,10 @@ def _choice(document: dict[str, Any], text: str) -> SkinChoice:
     except InvalidPlan as problem:
         raise InvalidPlan(f"{text} is not a skin as in a plan: {problem}. {FORMS}") from problem
     if isinstance(skin, SheetSkin):
-        skin = replace(skin, origin=None, first_channel=None, registration=None, landmarks=(), trim=True)
+        skin = replace(skin, origin=None, first_channel=None, registration=None, touches=None, landmarks=(), trim=True)
     else:
         assert isinstance(skin, BoardSkin)
-        skin = replace(skin, origin=None, first_channel=None, registration=None, choice="fill")
+        skin = replace(skin, origin=None, first_channel=None, registration=None, touches=None, choice="fill")
     return SkinChoice(skin, text)
 
 

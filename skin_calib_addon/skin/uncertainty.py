@@ -25,6 +25,9 @@ MAX_ORIGIN_UNCERTAINTY = 0.1
 # [rad] largest uncertainty of a direction that can be stated. Larger: directions that nothing determines are accepted.
 # Contract: a limit of plan files.
 MAX_DIRECTION_UNCERTAINTY = 1.0
+# [m] standard uncertainty of a cell of a sheet that touches registered, per axis along the surface: the sheet was glued
+# with strains and folds that no motion of the whole removes, of 0.1 to 0.5 mm. Larger: touches say less of their cells.
+NOT_RIGID = 2e-4
 # [1] strain above which the position of a cell is unknown, because the sheet wrinkles or lifts there. Larger: more
 # taxels have an uncertainty.
 MAX_KNOWN_STRAIN = 0.1
@@ -59,26 +62,29 @@ class TaxelUncertainty:
         return np.column_stack((along, np.sqrt(np.maximum(self.normal, 0)), np.minimum(angle, np.pi)))
 
 
-def moved_within(arms: Array, registration: Registration, curvature: float = 0.0) -> Array:
+def moved_within(arms: Array, covariance: Array, curvature: float = 0.0) -> Array:
     r"""Return the covariance of positions in a skin that may be moved and rotated along the surface.
 
-    A shift of the anchor and a rotation :math:`\theta` about it displace the flat position :math:`(x, y)` at the
-    distance :math:`r`. On a flat surface the displacement is :math:`\mathbf{s} + \theta\, (-y, x)`. On a surface with
-    the Gaussian curvature :math:`K`, paths from the anchor converge (:math:`K > 0`) or diverge. The displacement across
-    the path is a Jacobi field (do Carmo, 1992, chapter 5): a shift is multiplied by :math:`c = \cos \sqrt{K} r`, and a
-    rotation by :math:`s = \sin(\sqrt{K} r) / (\sqrt{K} r)`. With :math:`\mathbf{t} = (-y, x)` the covariance is
+    A shift :math:`\mathbf{s}` of the anchor and a rotation :math:`\theta` about it have the ``covariance``
+    :math:`\Sigma`, shape (3, 3) [m, m, rad]. They displace the flat position :math:`(x, y)` at the distance :math:`r`.
+    On a flat surface the displacement is :math:`\mathbf{s} + \theta\, (-y, x)`. On a surface with the Gaussian
+    curvature :math:`K`, paths from the anchor converge (:math:`K > 0`) or diverge. The displacement across the path is
+    a Jacobi field (do Carmo, 1992, chapter 5): a shift is multiplied by :math:`c = \cos \sqrt{K} r`, and a rotation by
+    :math:`s = \sin(\sqrt{K} r) / (\sqrt{K} r)`. With :math:`\mathbf{t} = (-y, x)` the covariance is
 
     .. math::
 
-        C = \sigma_o^2 \left( I + \frac{c^2 - 1}{r^2}\, \mathbf{t} \mathbf{t}^T \right)
-        + \sigma_d^2 s^2\, \mathbf{t} \mathbf{t}^T \quad [\text{m}^2]
+        C = J\, \Sigma\, J^T , \qquad
+        J = \begin{pmatrix} I + \frac{c - 1}{r^2}\, \mathbf{t} \mathbf{t}^T & s\, \mathbf{t} \end{pmatrix}
+        \quad [\text{m}^2]
     """
     squares = np.maximum((arms**2).sum(axis=1), MIN_LENGTH**2)
     angles = np.sqrt(curvature * squares.astype(complex))  # imaginary where paths diverge
     shifted, rotated = np.cos(angles).real, np.sinc(angles / np.pi).real
     across = np.stack((-arms[:, 1], arms[:, 0]), axis=1)
-    factors = registration.origin**2 * (shifted**2 - 1) / squares + registration.direction**2 * rotated**2
-    return registration.origin**2 * np.eye(2) + factors[:, None, None] * across[:, :, None] * across[:, None, :]
+    turned = ((shifted - 1) / squares)[:, None, None] * across[:, :, None] * across[:, None, :]
+    moves = np.concatenate((np.eye(2) + turned, (rotated[:, None] * across)[..., None]), axis=2)
+    return np.asarray(moves @ covariance @ moves.transpose(0, 2, 1))
 
 
 def usual_curvature(surface: BSplineSurface, uv: Array) -> float:

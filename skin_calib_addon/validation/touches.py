@@ -4,7 +4,8 @@ import os
 import re
 from array import array
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from ..calibration.measurements import TaxelColumn
 from ..calibration.model import LinkCalibration
 from ..common.arrays import Array, IntArray, freeze, unit
 from ..common.errors import CalibrationFormatError, listed
+from ..common.file_hash import file_hash
 from ..common.findings import show
 from ..common.tables import TableError, find_column, names_without, naming_file, number_in, read_named_rows
 from ..common.text import read_text
@@ -56,6 +58,7 @@ class Touches:
     force_noise: float | None = None  # standard deviation per axis of the force of a touch [N]; None: not known
     rows: int = 0  # of the file
     recording: Presses | None = None  # the rows of the file
+    sha256: str = ""  # of the file; empty: not from a file
 
     def __post_init__(self):
         n = len(self.taxels)
@@ -93,7 +96,7 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
             'the press in a column "time" or "press", so that all rows of a press are one touch.'
         )
     with naming_file(path):
-        return _touches(presses, columns)
+        return replace(_touches(presses, columns), sha256=file_hash(Path(path)) or "")
 
 
 class _Columns(NamedTuple):

@@ -1,10 +1,13 @@
 """Touches in the scene: compared with the last fit, drawn, and used to move the skins."""
 
+import hashlib
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from tests.blender.conftest import BAND, modules
+from tests.blender.test_registration import draw
 
 
 @pytest.fixture
@@ -75,11 +78,16 @@ def test_skins_move_to_where_they_were_touched(bpy, ours, table):
     bpy.ops.skin_calib.touches_move("EXEC_DEFAULT", True)
     settings = bpy.context.object.skin_calib
     assert settings.result.outdated and not settings.skins[0].centred
-    stated = ours.plans.read_plan(bpy.context.object, bpy.context.scene).skins[0].registration
-    assert 0 < stated.origin < 2e-4 and 0 < stated.direction < 0.02 and stated.anchor is not None
+    stated = ours.plans.read_plan(bpy.context.object, bpy.context.scene).skins[0].touches.touched
+    assert 0 < stated.shift_error < 2e-4 and 0 < stated.turn_error < 0.02
+    assert stated.session == hashlib.sha256(table.read_bytes()).hexdigest() and stated.used == 294
+    assert f"registered {stated.date} by 294 touches" in " ".join(draw(bpy, "skin"))
     with pytest.raises(RuntimeError, match="Fit the link again first"):
         bpy.ops.skin_calib.touches_move()
     bpy.ops.skin_calib.fit()
+    patch = ours.results.find(settings.result.key).calibration.patches[0]
+    assert patch.touches == stated and patch.registration.anchor == stated.anchor
+    assert not [warning for warning in settings.result.warnings if warning.code == "placed-anew"]
     after = taxels_of(bpy, ours).positions_link
     assert_allclose(np.linalg.norm(after - before, axis=1), 0.002, rtol=0, atol=3e-4)
     bpy.ops.skin_calib.touches(filepath=str(table))
@@ -87,6 +95,21 @@ def test_skins_move_to_where_they_were_touched(bpy, ours, table):
     assert "not significant" in text, text
     bpy.ops.ed.undo()
     assert ours.plans.read_plan(bpy.context.object, bpy.context.scene) == plan
+
+
+def test_skin_that_moves_or_is_forgotten_is_no_longer_registered(bpy, ours, table):
+    """After a move the fit warns; without the registration nothing is left of it."""
+    bpy.ops.skin_calib.touches(filepath=str(table))
+    bpy.ops.skin_calib.touches_move()
+    skin = bpy.context.object.skin_calib.skins[0]
+    skin.origin[2] += 0.1  # millimetres
+    bpy.ops.skin_calib.fit()
+    result = bpy.context.object.skin_calib.result
+    assert "placed-anew" in [warning.code for warning in result.warnings]
+    assert ours.results.find(result.key).calibration.patches[0].touches is None
+    bpy.ops.skin_calib.registration_remove(skin=0)
+    assert ours.plans.read_plan(bpy.context.object, bpy.context.scene).skins[0].touches is None
+    assert "registered" not in " ".join(draw(bpy, "skin"))
 
 
 def test_what_cannot_be_compared_or_moved_says_why(bpy, table, tmp_path):

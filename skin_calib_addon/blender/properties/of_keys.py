@@ -105,7 +105,7 @@ def _text(key: Key) -> Any:
     return StringProperty(default=key.shown_first or "", **words_of(key), **PLAN)
 
 
-def _boundary(key: Key) -> Any:
+def _json(key: Key) -> Any:
     return StringProperty(name=key.label, description=f"{tooltip(key.description)}, as JSON", **PLAN)
 
 
@@ -153,7 +153,7 @@ PROPERTIES: dict[str, Callable[[Key], Any]] = {
     "cells": _choice,
     "text": _text,
     "file": _file,
-    "boundary": _boundary,
+    "json": _json,
     "count": _count,
     "length": _numbers,
     "angle": _numbers,

@@ -15,7 +15,7 @@ from ...common.errors import InvalidPlan
 from ...common.text import NumberError, real
 from ...geometry.mesh.cover import Cut
 from ...geometry.sampling.planes import Planes
-from ...plan.document import as_tuples, planes_from
+from ...plan.document import as_tuples, planes_from, read_value, write_value
 from ...plan.key import Key, Record, problem
 from ...skin.boards.layout import Cell
 from .units import exact, in_units, vector
@@ -65,6 +65,8 @@ def refusal(key: Key, wrong: str, where: tuple[str, ...]) -> InvalidPlan:
 
 def _value(key: Key, group: Any, metre: float, where: tuple[str, ...]) -> Any:
     kind, record = key.type.kind, key.type.record
+    if kind == "json":
+        return read_value(key.type, json.loads(getattr(group, key.property_name) or "[]"))
     if kind in ("records", "planes"):
         assert record is not None
         entries = enumerate(getattr(group, key.property_name))
@@ -74,8 +76,6 @@ def _value(key: Key, group: Any, metre: float, where: tuple[str, ...]) -> Any:
     value = getattr(group, key.property_name)
     if kind == "cells":
         return _cells(key, group.cells, where) if value == "listed" else value
-    if kind == "boundary":
-        return as_tuples(json.loads(value or "[]"))
     if kind == "file":
         if not value:
             raise refusal(key, "is empty; choose the file that has the taxels", where)
@@ -113,14 +113,14 @@ def write_key(key: Key, group: Any, value: Any, metre: float) -> None:
         entries.clear()
         for entry in _cuts(value) if isinstance(value, Planes) else value:
             write(record, entry, entries.add(), metre)
+    elif kind == "json":
+        setattr(group, key.property_name, json.dumps(write_value(key.type, value)) if value else "")
     elif record is not None:
         write(record, value, group, metre)
     elif kind == "cells":
         group.choice = value if isinstance(value, str) else "listed"
         if group.choice == "listed":
             group.cells = written_cells(value)
-    elif kind == "boundary":
-        setattr(group, key.property_name, json.dumps(value) if value else "")
     elif kind == "file":
         setattr(group, key.property_name, kept_path(os.path.abspath(value)))
     else:

@@ -116,14 +116,15 @@ def seen_from(folder: Path, skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
 
 
 def move_skin(skin: Any, moved: SheetSkin | BoardSkin, metre: float) -> None:
-    """Set the pose of a skin and nothing else: origin and direction, or landmarks; its registration; and its boards."""
+    """Set the pose of a skin and nothing else: origin and direction, or landmarks; its touches; and its boards."""
     for item, mark in zip(skin.landmarks, getattr(moved, "landmarks", ())):
         item.point = in_units(mark.point, metre)
     if moved.origin is not None:
         skin.origin, skin.centred = in_units(moved.origin, metre), False
-    skin.direction, skin.auto_direction = moved.direction, False
-    fields.write_key(SKINS_OF[skin_kind(moved)].key("registration"), skin, moved.registration, metre)
-    if isinstance(moved, BoardSkin):
+    if moved.direction is not None:
+        skin.direction, skin.auto_direction = moved.direction, False
+    fields.write_key(SKINS_OF[skin_kind(moved)].key("touches"), skin, moved.touches, metre)
+    if isinstance(moved, BoardSkin) and not isinstance(moved.choice, str):
         skin.choice, skin.cells = "listed", fields.written_cells(moved.choice)
 
 

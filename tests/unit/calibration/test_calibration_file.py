@@ -18,6 +18,7 @@ import pytest
 from skin_calib_addon.calibration import (
     MeshSource,
     Registration,
+    Touched,
     check_calibration,
     encode,
     from_document,
@@ -66,6 +67,9 @@ WARNINGS = (
 )
 
 
+COVARIANCE = ((1e-6, 0.0, 0.0), (0.0, 1e-6, 1e-7), (0.0, 1e-7, 1e-4))
+
+
 def test_warnings_sigma_and_registration_are_read_back(tmp_path):
     """A row of NaN is null in the file. A value that is not finite is null; integers become floats."""
     patch = sheet(2, 3, 0.01)
@@ -73,6 +77,7 @@ def test_warnings_sigma_and_registration_are_read_back(tmp_path):
         patch,
         taxels=dataclasses.replace(patch.taxels, sigma=UNCERTAIN),
         registration=Registration(1e-3, 0.0175, (0.035, 0.0, 0.005)),
+        touches=Touched("2026-11-29", "", 9, 1, (1e-3, 0.0), 0.0, COVARIANCE, (0.035, 0.0, 0.005), 2e-3, angle=0.1),
     )
     save_calibration(small_calibration(patches=(patch, boards(6)), warnings=WARNINGS), tmp_path / "c.json")
     document = json.loads((tmp_path / "c.json").read_bytes())
@@ -82,10 +87,22 @@ def test_warnings_sigma_and_registration_are_read_back(tmp_path):
         "direction": 0.0175,
         "anchor": [0.035, 0.0, 0.005],
     }
+    assert document["patches"][0]["touches"] == {
+        "date": "2026-11-29",
+        "used": 9,
+        "left_out": 1,
+        "shift": [1e-3, 0.0],
+        "turn": 0.0,
+        "covariance": [list(row) for row in COVARIANCE],
+        "anchor": [0.035, 0.0, 0.005],
+        "along": 2e-3,
+        "angle": 0.1,
+    }
     assert "sigma" not in document["patches"][1]["taxels"] and "registration" not in document["patches"][1]
     assert document["warnings"][0]["where"] == {"point": [0.0, 0.0, 0.0], "names": "u-plane 3"}
     read = load_calibration(tmp_path / "c.json")
     np.testing.assert_array_equal(read.patches[0].taxels.sigma, UNCERTAIN)
+    assert read.patches[0].touches == patch.touches and read.patches[1].touches is None
     assert read.patches[0].registration == patch.registration and read.patches[1].registration is None
     assert read.patches[1].taxels.sigma.shape == (0, 3)
     assert read.warnings == (*WARNINGS[:2], dataclasses.replace(WARNINGS[2], value=None))

@@ -72,6 +72,15 @@ MILLIMETRES = {"mesh_to_surface": FAR, "surface_to_mesh": FAR, "hausdorff": 1.0}
 T0, T1 = "/patches/0/taxels", "/patches/1/taxels"
 STORED = {"code": "off-mesh", "severity": "warning", "message": "It is 6.2 mm off.", "where": {}, "value": 0.0062}
 STORED |= {"advice": "Cut."}
+TOUCHED = {
+    "date": "2026-11-29",
+    "used": 19,
+    "left_out": 1,
+    "shift": [0.001, 0],
+    "turn": 0.01,
+    "anchor": [0.035, 0, 0.005],
+}
+TOUCHED |= {"covariance": [[1e-8, 0, 0], [0, 1e-8, 0], [0, 0, 1e-6]], "along": 4e-3}
 MOUNTED = {"origin": 0.001, "direction": 0.0175, "anchor": [0.035, 0.0, 0.005]}
 FORM = [  # errors by the schema: pointer to change, new value, code, words of the message, where below it
     ("/format", "skin-plan", "value", 'must be "skin-calibration", not "skin-plan"'),
@@ -92,6 +101,8 @@ FORM = [  # errors by the schema: pointer to change, new value, code, words of t
     (f"{T0}/sigma", [None] * 5 + [[1e-3, -1e-3, 0]], "range", "must be at least 0", "/5/1"),
     ("/patches/0/registration", {"origin": 0.001, "anchor": [0, 0, 0]}, "missing", 'lacks the member "direction"'),
     ("/patches/0/registration", MOUNTED | {"origin": -1}, "range", "at least 0", "/origin"),
+    ("/patches/0/touches", TOUCHED | {"date": "29.11.26"}, "pattern", "must match", "/date"),
+    ("/patches/0/touches", TOUCHED | {"along": None}, "type", "must be a finite number", "/along"),
     ("/units/length", "mm", "value", 'must be "m", not "mm"'),
     ("/link", "", "pattern", "must match"),
     ("/link", "fore\narm", "pattern", "must match"),
@@ -170,6 +181,13 @@ MEANING = [  # errors that need the complete document
         "units",
         "35 m from the link frame; divide",
         "/anchor",
+    ),
+    (
+        "/patches/0/touches",
+        TOUCHED | {"covariance": [[1e-8, 2e-8, 0], [2e-8, 1e-8, 0], [0, 0, 1e-6]]},
+        "covariance",
+        "has a negative variance",
+        "/covariance",
     ),
     ("/checksum", "sha256:" + "0" * 64, "checksum", "changed after writing; .* use sha256:"),
     ("/surfaces/1/name", "tube", "duplicate-name", 'repeats "tube" of /surfaces/0/name'),

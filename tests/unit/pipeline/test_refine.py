@@ -1,5 +1,6 @@
 """``skin-calib touches``: skins move to the touches; invalid calls and tables write no file."""
 
+import hashlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from skin_calib_addon.calibration.file import save_calibration
+from skin_calib_addon.calibration.file import from_document, save_calibration, to_document
+from skin_calib_addon.calibration.model import Registration, Touched
 from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.common.mesh_uncertainty import MESH_DEVIATION
@@ -23,7 +25,9 @@ from skin_calib_addon.pipeline.refine import refine
 from skin_calib_addon.plan import Plan, load_plan, save_plan
 from skin_calib_addon.plan.document import skins_from, write_skin
 from skin_calib_addon.plan.plan import Surface
-from skin_calib_addon.validation import Touches
+from skin_calib_addon.plan.skins import Registered, placed_anew, spot_of
+from skin_calib_addon.skin.uncertainty import NOT_RIGID, ORIGIN_UNCERTAINTY
+from skin_calib_addon.validation import Touches, placements
 from tests.examples import slow
 from tests.shapes import Z_AXIS, cone
 from tests.unit.pictures.test_picture import read_png
@@ -148,14 +152,14 @@ def test_touches_that_fit_another_order_or_none_move_nothing(fitted):
 
 
 def test_a_skin_without_a_significant_motion_stays(fitted):
-    """Its registration states what the touches leave possible: a raster in step with the cells leaves millimetres."""
+    """Its covariance has what the touches leave possible: a raster in step with the cells leaves millimetres."""
     plan, result = with_skin(fitted, SHEET | PLACED)
     taxels = result.placed[0].patch.taxels
     points = taxels.positions_link + 0.003 * taxels.tangents_link
     refined = refine(plan, result, Touches(taxels.ids, np.arange(48), points, np.zeros((48, 3))))
     (skin,) = refined.plan.skins
-    assert replace(skin, registration=None) == replace(plan.skins[0], registration=None)
-    assert 2e-3 < skin.registration.origin < 5e-3
+    assert replace(skin, touches=None) == plan.skins[0]
+    assert 2e-3 < skin.touches.touched.shift_error < 6e-3 and skin.touches.touched.shift == (0.0, 0.0)
 
 
 def test_warning_about_the_plan_stays(fitted):
@@ -189,34 +193,88 @@ def axes_of(taxels):
     return np.stack((taxels.tangents_link, np.cross(taxels.normals_link, taxels.tangents_link)), axis=1)
 
 
-def test_refined_plan_states_the_registration_of_its_touches(fitted):
-    """The file reads it back; sigma along is that of a plain least squares; a new calibration has it, too."""
+def test_refined_plan_states_how_touches_registered_it(fitted):
+    """The file reads it back; sigma has the covariance and the part that is not rigid; a new calibration, too."""
     plan, result = with_skin(fitted, SHEET | PLACED)
     touches = random_touches(moved_away(plan, result), 400, np.random.default_rng(4))
     refined = refine(plan, result, touches)
-    stated, patch = refined.plan.skins[0].registration, refined.calibration.patches[0]
+    stated, patch = refined.plan.skins[0].touches.touched, refined.calibration.patches[0]
     assert skins_from([write_skin(refined.plan.skins[0])]) == refined.plan.skins
-    assert (patch.registration.origin, patch.registration.direction) == (stated.origin, stated.direction)
-    assert patch.registration.anchor == stated.anchor
-    motion = refined.placements[0].motion
-    assert stated.origin == pytest.approx(max(motion.shift_error), rel=0.05) and stated.direction == pytest.approx(
-        motion.turn_error, rel=0.05
+    assert patch.touches == stated and refined.plan.skins[0].registration is None
+    assert patch.registration == Registration(stated.shift_error, stated.turn_error, stated.anchor)
+    assert from_document(to_document(refined.calibration)).patches[0].touches == stated
+    placement = refined.placements[0]
+    assert_allclose(np.array(stated.covariance), placement.motion.covariance, rtol=0.1, atol=1e-9)
+    before = placements(result.calibration, touches)[0].motion
+    assert_allclose((*stated.shift, stated.turn), (*before.shift, before.turn), atol=1e-12)
+    assert (stated.used, stated.left_out) == (400 - placement.unexplained.sum(), placement.unexplained.sum())
+    assert stated.along == pytest.approx(placement.expected_rms, rel=0.1)
+    assert 0 < stated.normal < 3e-4 and stated.angle is None and stated.session == ""
+    least = np.sqrt(NOT_RIGID**2 + MESH_DEVIATION**2)
+    assert least < patch.taxels.sigma[:, 0].min() and patch.taxels.sigma[:, 0].max() < least + 3e-4
+    again = place_all(refined.plan, result.fits)[0]
+    assert_allclose(again.patch.taxels.sigma, patch.taxels.sigma, rtol=1e-6)
+    assert again.patch.touches == stated and again.warnings == result.placed[0].warnings
+
+
+@pytest.mark.parametrize(
+    "skin",
+    [SHEET | PLACED, BOARDS | {"cells": [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1]], **PLACED}],
+    ids=["sheet", "boards"],
+)
+def test_skin_that_is_placed_anew_is_no_longer_registered(fitted, skin, tmp_path, capsys):
+    """Its uncertainty is the usual one, with a warning in calibration and plan; rounding in the window is no motion."""
+    plan, result = with_skin(fitted, skin)
+    touches = random_touches(moved_away(plan, result), 100, np.random.default_rng(4))
+    refined = refine(plan, result, touches).plan
+    (skin,) = refined.skins
+    others = {"position": {"origin": (0.0405, 0.0, 0.031)}, "direction": {"direction": (0.0, 1.0, 0.1)}}
+    others["cells"] = (
+        {"choice": skin.choice[:-1]} if skin.name == "boards" else {"lattice": replace(skin.lattice, columns=11)}
     )
-    assert patch.taxels.sigma[:, 0].max() < 5e-4 and patch.taxels.sigma[:, 0].min() > MESH_DEVIATION
-    again = place_all(refined.plan, result.fits)[0].patch
-    assert_allclose(again.taxels.sigma, patch.taxels.sigma, rtol=1e-6)
-    assert again.registration == patch.registration
+    for what, changed in others.items():
+        moved_plan = replace(refined, skins=(replace(skin, **changed),))
+        (placed,) = place_all(moved_plan, result.fits)
+        (warning,) = (w for w in placed.warnings if w.code == "placed-anew")
+        assert f"it has another {what}. Its" in warning.message and placed.patch.touches is None
+        assert placed.patch.registration.origin == ORIGIN_UNCERTAINTY and placed.patch.taxels.sigma.min() > 0
+    assert placed_anew(replace(skin, surface="surface")) == ["surface"]
+    rounded = replace(
+        skin,
+        origin=tuple(np.float32(skin.origin).astype(float).tolist()),
+        direction=tuple((3 * np.float32(skin.direction)).astype(float).tolist()),
+    )
+    assert placed_anew(skin) == placed_anew(rounded) == []
+    copy(plan.mesh, tmp_path)
+    save_plan(replace(moved_plan, mesh=Path(plan.mesh.name)), tmp_path / "moved.plan.json")
+    assert main(["check", str(tmp_path / "moved.plan.json")]) == 0
+    assert "/skins/0/touches" in (said := capsys.readouterr().out) and "placed anew" in said
+
+
+def test_landmarks_that_move_place_a_skin_anew(fitted):
+    """Or another number of them."""
+    plan, _ = with_skin(fitted, SHEET | {"landmarks": MARKS})
+    (skin,) = plan.skins
+    touched = Touched(
+        "2026-11-29", "", 9, 0, (0.0, 0.0), 0.0, ((1e-6, 0, 0), (0, 1e-6, 0), (0, 0, 1e-4)), (0, 0, 0), 1e-3
+    )
+    skin = replace(skin, touches=Registered(touched, spot_of(skin)))
+    moved = replace(skin.landmarks[1], point=(0.0, 0.0375, 0.051))
+    assert placed_anew(skin) == []
+    assert placed_anew(replace(skin, landmarks=(skin.landmarks[0], moved))) == ["position"]
+    assert placed_anew(replace(skin, landmarks=skin.landmarks[:1])) == ["position", "cells"]
 
 
 def test_touches_of_one_cell_leave_the_rotation_as_it_was_stated(fitted):
-    """They say that the position is in this cell."""
+    """They say that the position is in this cell. What was stated stays for a skin that is placed anew."""
     skin = SHEET | PLACED | {"registration": {"origin": 5e-4, "direction": 0.03}}
     plan, result = with_skin(fitted, skin)
     taxels = result.placed[0].patch.taxels
     touches = Touches(taxels.ids[:1] * 4, np.arange(4), taxels.positions_link[[0] * 4], np.zeros((4, 3)))
     refined = refine(plan, result, touches)
-    stated = refined.plan.skins[0].registration
-    assert 1e-3 < stated.origin < 4e-3 and stated.direction == 0.03
+    stated = refined.plan.skins[0].touches.touched
+    assert 1e-3 < stated.shift_error < 4e-3 and stated.turn_error == 0.03
+    assert refined.plan.skins[0].registration == plan.skins[0].registration
     assert_allclose(stated.anchor, taxels.positions_link[0], atol=1e-9)
     assert np.isfinite(refined.calibration.patches[0].taxels.sigma).all()
 
@@ -278,6 +336,13 @@ def test_command_compares_and_refines(folder, capsys):
     after = capsys.readouterr().out.split("after the refinement:")[1]
     assert "not significant" in after
     assert load_plan(moved).extra == {"x_note": "kept"} and '"mesh": "../cone.ply"' in moved.read_text()
+    session = hashlib.sha256((folder / "t.csv").read_bytes()).hexdigest()
+    assert load_plan(moved).skins[0].touches.touched.session == session
+    assert main(["fit", str(moved), "-o", str(folder / "moved.json")]) == 0
+    assert main(["check", str(moved), str(folder / "moved.json")]) == main(["show", str(folder / "moved.json")]) == 0
+    shown = capsys.readouterr().out
+    assert f"by 100 touches, 0 left out, session {session[:8]}\n          moved by " in shown
+    assert "placed" not in shown and "degrees; touches deviate by " in shown
 
 
 @pytest.mark.slow

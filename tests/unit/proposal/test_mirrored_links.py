@@ -1,6 +1,7 @@
 """Links that are mirror images of each other get plans that are."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,14 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.calibration.file import load_calibration
+from skin_calib_addon.calibration.model import Touched
 from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh, weld
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan, plan_document, plan_from, save_plan
 from skin_calib_addon.plan.plan import Plan
-from skin_calib_addon.plan.skins import BoardSkin
+from skin_calib_addon.plan.skins import BoardSkin, Registered, spot_of
 from skin_calib_addon.proposal.links import Task, is_current, plan_path, plan_warnings, propose_task, robot_of
 from skin_calib_addon.proposal.moved_plan import moved_plan
 from skin_calib_addon.proposal.skins import parse_skin
@@ -173,7 +175,12 @@ def test_skins_of_a_moved_plan_are_the_moved_skins(of_arm, mirrored):
         np.testing.assert_allclose(b.taxels.normals_link, a.taxels.normals_link @ transform[:3, :3].T, atol=1e-3)
         for name in a.taxels.quality.keys() & {"overhang", "gap"}:
             np.testing.assert_allclose(b.taxels.quality[name], a.taxels.quality[name], atol=5e-5)
-    moved = moved_plan(plan, "right", Twin("left", transform)).skins[2]
+    touched = Touched(
+        "2026-11-29", "", 9, 0, (0.0, 0.0), 0.0, ((1e-6, 0, 0), (0, 1e-6, 0), (0, 0, 1e-4)), (0, 0, 0), 1e-3
+    )
+    skins = tuple(replace(skin, touches=Registered(touched, spot_of(skin))) for skin in plan.skins)
+    moved = moved_plan(replace(plan, skins=skins), "right", Twin("left", transform)).skins[2]
+    assert moved.touches is None  # nobody touched the twin
     for old, new in (
         (plan.skins[2].excluded[0].point, moved.excluded[0].point),
         (plan.skins[2].registration.anchor, moved.registration.anchor),

@@ -32,7 +32,7 @@ def stated():
     lattice = SheetLattice(ROWS, COLUMNS, (PITCH, PITCH))
     taxels = sheet_taxels(wrap_sheet(fit.error_field.surface, lattice, None, (0, 1.0, 0.2), landmarks=[anchor]), "skin")
     arms = PITCH * (taxels.index - anchor.cell)[:, ::-1]
-    return taxels, arms, taxel_uncertainty(taxels, fit.error_field, moved_within(arms, MOUNTED))
+    return taxels, arms, taxel_uncertainty(taxels, fit.error_field, moved_within(arms, MOUNTED.covariance))
 
 
 def test_variances_that_rounding_makes_negative_are_zero():
@@ -104,11 +104,19 @@ def test_slope_along_one_parameter_turns_the_normal_along_its_lines(axis):
 
 def test_registration_moves_far_taxels_more(stated):
     """At the anchor only the origin counts; a rotation moves a taxel across its arm."""
-    along = moved_within(np.array(((0.0, 0.0), (0.1, 0.0), (0.0, 0.1))), MOUNTED)
+    along = moved_within(np.array(((0.0, 0.0), (0.1, 0.0), (0.0, 0.1))), MOUNTED.covariance)
     rotated = (0.1 * MOUNTED.direction) ** 2
     assert_allclose(along[0], 1e-6 * np.eye(2), rtol=1e-12)
     assert_allclose(along[1], np.diag((1e-6, 1e-6 + rotated)), rtol=1e-12)
     assert_allclose(along[2], np.diag((1e-6 + rotated, 1e-6)), rtol=1e-12)
+
+
+def test_shift_and_rotation_can_be_correlated():
+    """On a flat surface each motion moves a taxel by the shift, and by the rotation across its arm."""
+    covariance = np.array(((4e-6, 1e-6, -2e-5), (1e-6, 1e-6, 1e-6), (-2e-5, 1e-6, 2e-4)))
+    moves = np.array(((1, 0, -0.02), (0, 1, 0.05)))
+    along = moved_within(np.array(((0.05, 0.02),)), covariance)
+    assert_allclose(along[0], moves @ covariance @ moves.T, rtol=1e-12)
 
 
 @pytest.mark.parametrize("sign", [1, -1], ids=["sphere", "hyperbolic plane"])
@@ -141,11 +149,11 @@ def test_paths_from_the_anchor_converge_or_diverge(sign):
         off = (move(point, a * e + b * f, [])[0] - there) * metric
         moves[i] = np.stack([(off * axis).sum(axis=1) for axis in axes], axis=1)
     found = np.einsum("ndi,ndj->nij", moves, moves) / moves.shape[1]
-    stated = moved_within(arms, mounted, sign / radius**2)
+    stated = moved_within(arms, mounted.covariance, sign / radius**2)
     scale = np.sqrt(stated[:, [0, 1], [0, 1]])
     scales = scale[:, :, None] * scale[:, None]
     assert_allclose(found / scales, stated / scales, atol=0.08)
-    flat = moved_within(arms, mounted)
+    flat = moved_within(arms, mounted.covariance)
     assert (sign * (flat - stated)[2, 0, 0] > 0.2 * flat[2, 0, 0]).all()
 
 
