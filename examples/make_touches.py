@@ -28,7 +28,13 @@ SWAPPED = (7, 30)  # touches whose taxels are swapped
 
 
 def main() -> None:
-    """Place the sheet at its real position, touch it, and compare."""
+    """Write the touches, and compare them with the plan."""
+    TABLE.write_text(table())
+    skin_calib(["touches", str(PLAN), str(TABLE), "--picture", str(ROOT / "docs" / "touches.png")])
+
+
+def table() -> str:
+    """Place the sheet at its real position, and touch it."""
     plan = load_plan(PLAN)
     result = calibrate(plan)
     (skin,), ids = plan.skins, result.calibration.patches[0].taxels.ids
@@ -47,8 +53,7 @@ def main() -> None:
     a, b = SWAPPED
     names[a], names[b] = names[b], names[a]
     lines = [f"{name},{x:.5f},{y:.5f},{z:.5f}" for name, (x, y, z) in zip(names, points.tolist())]
-    TABLE.write_text("\n".join(["taxel,x,y,z", *lines]) + "\n")
-    skin_calib(["touches", str(PLAN), str(TABLE), "--picture", str(ROOT / "docs" / "touches.png")])
+    return "\n".join(["taxel,x,y,z", *lines]) + "\n"
 
 
 if __name__ == "__main__":

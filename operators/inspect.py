@@ -98,11 +98,11 @@ class SKIN_OT_compare_end(Operator):
 
 
 class SKIN_OT_replay_open(LooksAtFile, Operator):
-    """Show a recording over the skin of the active link: a table or an NPZ file of times and readings"""
+    """Show a recording over the skin of the active link: a table, NPZ or MCAP file of times and readings"""
 
     bl_label = "Open Recording"
 
-    filter_glob: bpy.props.StringProperty(default="*.csv;*.npz", options={"HIDDEN"})
+    filter_glob: bpy.props.StringProperty(default="*.csv;*.npz;*.mcap", options={"HIDDEN"})
 
     def look(self, context, path):
         shown = replay.open_recording(context.object, path)

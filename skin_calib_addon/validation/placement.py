@@ -33,9 +33,16 @@ MAX_UNEXPLAINED = 0.3
 MIN_READING = 0.05
 # [pitch] Distance from the strongest taxel within which others felt the same touch: the eight or six cells around it.
 NEAR_CELLS = 1.6
-# [1] Regularity of touches within their cells from which on a warning is given, and the logarithm of the probability
-# that random touches are so by chance. Larger: fewer warnings.
+# [1] Regularity of touches from which on a warning about a raster is given, and the logarithm of the probability that
+# random touches are so by chance. Larger: fewer warnings.
 MIN_REGULARITY, RANDOM_LIMIT = 0.5, 7.0
+# [cell size] Least and largest spacing of a raster. A wider range: other rasters have a warning, and more touches by
+# chance.
+RASTER_CELLS = (0.5, 3.0)
+MIN_RASTER_STEPS = 3  # [1] of the touches. Fewer: touches of a small part of the skin are on a raster.
+RASTER_SAMPLES = 8  # [1] spacings per touched length. More: more exact. Fewer: misses rasters.
+# [1] of the largest regularity: a raster is also one of half the spacing. Smaller: states a multiple of the spacing.
+SAME_REGULARITY = 0.95
 OFFSET_STEP = 1e-3  # [N] of a derivative. Larger: less exact.
 # Median height of touches above or below the taxels from which on a warning is given [m]: half of the distance at which
 # a single touch is an error. Larger: fewer warnings.
@@ -112,16 +119,29 @@ class Placement:
         return None if self.posterior is None else motion_of(self.posterior, self.flat.mean(axis=0))
 
     @cached_property
-    def regularity(self) -> float:
-        """How near the touches are to one position in their cells, along the rows or across: 0 at random, 1 on it [1].
+    def raster(self) -> float | None:
+        """Spacing of the raster that the touches are on, along the rows or across [m]; None if they are on none.
 
-        It is the length of the mean of unit vectors whose angles are the positions in units of the cell. For m random
-        vectors it is above r with the probability exp(-m r^2) (Rayleigh).
+        The regularity for a spacing is the length of the mean of unit vectors whose angles are the positions in units
+        of the spacing: 0 at random, 1 on the raster. For m random vectors and one of k spacings it is above r with a
+        probability of at most k exp(-m r^2) (Rayleigh). The size of the cells is one spacing, others are many.
         """
-        if len(self.rows) == 0:
-            return 0.0
-        size = np.ptp(self.patch.taxels.flat_corners[self.rows], axis=1)
-        return float(np.abs(np.exp(2j * np.pi * self.offsets[:, :2] / size).mean(axis=0)).max())
+        found = [(0.0, 0.0)]
+        sizes = np.ptp(self.patch.taxels.flat_corners, axis=1).mean(axis=0)
+        for x, size in zip((self.flat + self.offsets[:, :2]).T, sizes.tolist()):
+            span = max(float(np.ptp(x)) if len(x) else 0.0, MIN_RASTER_STEPS * RASTER_CELLS[0] * size)
+            least = max(1 / (RASTER_CELLS[1] * size), MIN_RASTER_STEPS / span)
+            others = 1 / np.arange(least, 1 / (RASTER_CELLS[0] * size), 1 / (RASTER_SAMPLES * span))
+            for spacings in (others, np.array([size])):
+                if len(x) == 0 or len(spacings) == 0:
+                    continue
+                regularity = np.abs(np.exp(2j * np.pi * x[:, None] / spacings).mean(axis=0))
+                limit = np.sqrt((RANDOM_LIMIT + np.log(len(spacings))) / len(x))
+                if regularity.max() > max(MIN_REGULARITY, limit):
+                    largest = spacings[regularity > SAME_REGULARITY * regularity.max()].max()
+                    regularity[spacings < 0.9 * largest] = 0.0
+                    found.append((float(regularity.max()), float(spacings[regularity.argmax()])))
+        return max(found)[1] or None
 
     @cached_property
     def residuals(self) -> Array:
@@ -151,17 +171,11 @@ class Placement:
                 float(len(which)),
                 "Check the channels of these taxels.",
             )
-        limit = max(MIN_REGULARITY, float(np.sqrt(RANDOM_LIMIT / max(len(self.rows), 1))))
-        if self.patch.kind != "imported" and self.regularity > limit:
-            message = f"Most touches of {name} are at the same position in their cells, as those of a raster are."
-            yield Warning(
-                "raster-touches",
-                "warning",
-                message,
-                place,
-                self.regularity,
-                "Touch random positions: the displacement is then several times more exact.",
+        if self.patch.kind != "imported" and self.raster is not None:
+            message = (
+                f"The touches of {name} are on a raster of {self.raster * 1e3:.1f} mm, at few positions in their cells."
             )
+            yield Warning("raster-touches", "warning", message, place, self.raster, "Touch random positions.")
         if len(self.heights) and abs(height := float(np.median(self.heights))) > HEIGHT_LIMIT:
             side = "above" if height > 0 else "below"
             yield Warning(

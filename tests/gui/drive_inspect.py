@@ -150,7 +150,7 @@ def compares_with_touches(gui):
     yield from press(gui, "skin_calib.touches")
     yield from answer(gui, ROOT / "examples" / "wrist_touches.csv")
     found = plan().inspect.touches
-    assert "Shifted 2.44" in found.remarks and "wrist.5.1" in found.warnings[0].message, found.remarks
+    assert "Shifted 2.32" in found.remarks and "wrist.5.1" in found.warnings[0].message, found.remarks
     yield from screenshot(gui)
     yield from gui.shot("touches.png")
     assert changed(gui, before) > 0.002

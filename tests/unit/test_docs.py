@@ -9,6 +9,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from skin_calib_addon import cli
@@ -107,6 +108,16 @@ def test_command_in_the_documentation_is_valid(line):
     """The parser accepts it."""
     words = shlex.split(line, comments=True)
     assert cli.build_parser().parse_args(words[1:]).run
+
+
+def test_touches_of_the_how_to_are_those_of_their_example():
+    """The script writes what is committed; another fit moves it by a hundredth of a millimetre."""
+    written = runpy.run_path(str(ROOT / "examples" / "make_touches.py"))["table"]().splitlines()
+    committed = (ROOT / "examples" / "wrist_touches.csv").read_text("utf-8").splitlines()
+    names, points = zip(*(line.split(",", 1) for line in committed[1:]))
+    again, others = zip(*(line.split(",", 1) for line in written[1:]))
+    assert names == again and committed[0] == written[0]
+    np.testing.assert_allclose(np.loadtxt(others, delimiter=","), np.loadtxt(points, delimiter=","), atol=1.1e-5)
 
 
 def run_page(page: Path, capsys) -> int:

@@ -95,7 +95,26 @@ def test_a_raster_in_step_with_the_cells_moves_nothing():
     assert (np.abs(motion.shift) < 2 * motion.shift_error).all()
     (warning,) = found.warnings()
     assert warning.code == "raster-touches"
-    assert warning.message.startswith("Most touches of sheet are at the same position in their cells")
+    assert warning.message.startswith("The touches of sheet are on a raster of 10.0 mm, at few positions")
+
+
+@pytest.mark.parametrize("pitches", [1.0, 1.37, 2.0])
+def test_a_raster_of_any_spacing_is_named(pitches):
+    """In 20 touches with noise of the probe; random touches of the same number are none."""
+    rng, step = np.random.default_rng(0), pitches * PITCH
+    flat = flat_places(SHEET, SHEET.taxels.index)
+    low, high = flat.min(axis=0) - PITCH / 2, flat.max(axis=0) + PITCH / 2
+    grid = np.stack(np.meshgrid(*(np.arange(a + 0.2 * step, b, step) for a, b in zip(low, high))), axis=-1).reshape(
+        -1, 2
+    )
+    places = rng.permutation(grid)[:20]
+    for points, spacing in (
+        (places + rng.normal(0, 5e-4, places.shape), step),
+        (rng.uniform(low, high, (20, 2)), None),
+    ):
+        rows = np.linalg.norm(flat[:, None] - points, axis=2).argmin(axis=0)
+        (found,) = placements(CALIBRATION, touched(CALIBRATION, rows, on_sheet(*points.T)))
+        assert found.raster == (spacing and pytest.approx(spacing, rel=0.04))
 
 
 def test_standard_errors_of_a_raster_cover_every_phase():
