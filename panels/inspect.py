@@ -87,14 +87,25 @@ class SKIN_PT_inspect_compare(InspectPanel, bpy.types.Panel):
         draw_comparison(layout, plan.inspect.comparison, plan, "compare")
 
 
+class SKIN_UL_touches(bpy.types.UIList):
+    """Touches, the one with the largest distance first; click one to see it"""
+
+    def draw_item(self, _context, layout, _data, touch, _icon, _active, _property, _index):
+        layout.label(text=touch.words, icon="ERROR" if touch.far else "NONE")
+
+
 class SKIN_PT_inspect_touches(InspectPanel, bpy.types.Panel):
     bl_label = "Touches"
     bl_parent_id = "SKIN_PT_inspect"
 
     def draw_plan(self, layout, plan):
-        draw_comparison(layout, plan.inspect.touches, plan, "touches")
-        if plan.inspect.touches.file:
-            button(layout, "touches_move")
+        found = plan.inspect.touches
+        draw_comparison(layout, found, plan, "touches")
+        if not found.file:
+            return
+        if found.key == plan.result.key:
+            layout.template_list("SKIN_UL_touches", "", found, "places", found, "chosen", rows=4, sort_lock=True)
+        button(layout, "touches_move")
 
 
 def draw_comparison(layout, found, plan, operator):

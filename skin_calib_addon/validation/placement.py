@@ -202,7 +202,7 @@ class Placement:
             advice = "Touch both ends of its rows and columns."
             yield Warning("channel-order", "warning", message, place, wiring.odds, advice)
         elif wiring.order.words:
-            order = f"{wiring.order.words} (odds {_odds(wiring.odds)})"
+            order = f"{wiring.order.words} (odds {odds_in_words(wiring.odds)})"
             message = f"The touches of {name} fit another order of its channels: {order}."
             yield Warning("channel-order", "warning", message, place, wiring.odds, "Correct the order of the channels.")
 
@@ -335,7 +335,7 @@ def _felt_by_several(patch: Patch, rows: IntArray, readings: Array) -> tuple[Arr
     return axes, centroids, borders
 
 
-def _odds(odds: float) -> str:
+def odds_in_words(odds: float) -> str:
     """Return odds in words from their logarithm."""
     return f"{np.exp(odds):.0f} to 1" if odds < np.log(1000) else "above 1000 to 1"
 

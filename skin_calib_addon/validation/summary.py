@@ -5,12 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..common.arrays import Array
-from .placement import Placement
+from .placement import Placement, odds_in_words
+from .planning import next_touch
 from .registration import Motion
 
 
 def summarize(placement: Placement) -> Iterator[str]:
-    """Yield lines: distances, heights, the motion that explains them, and the residuals."""
+    """Yield lines: distances, heights, order, the motion that explains them, the residuals, and what to touch next."""
     if len(placement.rows) == 0:
         return
     distances = placement.distances * 1e3
@@ -22,9 +23,20 @@ def summarize(placement: Placement) -> Iterator[str]:
     if len(placement.heights):
         heights = placement.heights * 1e3
         yield f"height above the taxels: mean {heights.mean():.2f}, standard deviation {np.std(heights):.2f} mm"
-    if placement.motion is None or not placement.is_explained:  # a displacement says nothing in a wrong order
-        return
-    yield _motion(placement.motion)
+    if placement.motion is not None and placement.is_explained:  # a displacement says nothing in a wrong order
+        yield from _after_motion(placement, placement.motion)
+    if (following := next_touch(placement)) is not None:
+        yield (
+            f"touch {placement.patch.taxels.ids[following.row]} next: the largest standard error of a taxel is "
+            f"{following.before * 1e3:.2f} mm, and {following.after * 1e3:.2f} mm with it"
+        )
+
+
+def _after_motion(placement: Placement, motion: Motion) -> Iterator[str]:
+    """Yield lines about the motion that explains the touches."""
+    if placement.wiring.is_certain:
+        yield f"channels in the planned order, odds {odds_in_words(placement.wiring.odds)}"
+    yield _motion(motion)
     residuals = np.delete(placement.residuals, placement.outliers)
     without = f", without {len(placement.outliers)} far from their taxels" if len(placement.outliers) else ""
     yield f"rms {_rms(residuals) * 1e3:.2f} mm after this correction{without}"

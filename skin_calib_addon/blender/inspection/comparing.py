@@ -7,6 +7,7 @@ Values on its object, lines in the view; the plan does not change.
 import hashlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -20,8 +21,10 @@ from ...pipeline.refine import refine
 from ...pipeline.touch_distance import check_touches
 from ...validation import Placement, directions_of, placements, read_touches, summarize
 from ..overlay import drawing
-from ..overlay.layers import Layer, comparison_of, touches_of
+from ..overlay.layers import Layer, comparison_of, place_of, touches_of
+from ..scene.link_objects import longest_side
 from ..scene.plans import read_plan
+from ..scene.showing import show_place
 from ..scene.skins import move_skin
 from ..scene.units import metres_per_unit
 from ..scene.warnings import write_warnings
@@ -31,6 +34,7 @@ TAXEL_ENDINGS = tuple(sorted({form.ending for form in FORMATS.values() if form.r
 ENDINGS = (".json", *TAXEL_ENDINGS)
 # Notes of a comparison in the panel. Larger: a longer panel.
 MAX_NOTES = 6
+MAX_LISTED = 200  # Touches in the list of the panel. Larger: slower.
 
 
 def compare_with(link: bpy.types.Object, path: str) -> Comparison:
@@ -90,7 +94,34 @@ def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
     of_forces = directions.warnings() if directions and not any(p.wiring.order.words for p in found) else ()
     warnings = (*of_forces, *(warning for p in found for warning in p.warnings()))
     _keep(link, "touches", path, lines, warnings, np.concatenate([p.places for p in found]), touches_of(found))
+    _list(link.skin_calib.inspect.touches, found)
     return found
+
+
+def _list(record: Any, found: list[Placement]) -> None:
+    """List the touches, the one with the largest distance first."""
+    record.property_unset("chosen")
+    record.places.clear()
+    touches = [(float(p.residuals[k]), k, p) for p in found for k in range(len(p.rows))]
+    for distance, k, placement in sorted(touches, key=lambda touch: -touch[0])[:MAX_LISTED]:
+        item, name = record.places.add(), placement.patch.taxels.ids[placement.rows[k]]
+        item.words = f"{1e3 * distance:.1f} mm  {name}  line {placement.lines[k]}"
+        item.point, item.far = placement.places[k], k in placement.outliers
+
+
+def mark_of(record: Any) -> str:
+    """Return the name under which the mark of the touch that was chosen in the list is cached."""
+    return f"{record.token} {record.chosen}"
+
+
+def show_touch(link: bpy.types.Object, context: bpy.types.Context) -> None:
+    """Mark the touch that is chosen in the list, and move cursor and view there."""
+    record = link.skin_calib.inspect.touches
+    if 0 <= record.chosen < len(record.places):
+        point = tuple(record.places[record.chosen].point)
+        drawing.cache(mark_of(record), (place_of(point, longest_side(link, context.scene)),))
+        show_place(context, link, point)
+        drawing.redraw()
 
 
 def _named(placement: Placement, line: str, many: bool) -> str:

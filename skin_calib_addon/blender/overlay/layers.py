@@ -17,7 +17,9 @@ from ...geometry.surface.distance import dense_lines
 from ...inspection.all_taxels import AllTaxels
 from ...inspection.comparison import Comparison
 from ...runtime import Frame
-from ...validation import Placement
+from ...validation import Placement, next_touch
+from ...validation.flat import flat_places
+from ...validation.planning import moves_of
 from .scales import Legend, largest_size
 
 # Segments of each curve of the drawn surface. Larger: smoother and slower.
@@ -40,6 +42,8 @@ CONTACT_COLOURS = (VERMILLION, SKY, YELLOW, VIOLET, GREEN)  # by their number, w
 # Colour and width [pixels] of supporting polygons, and whether they are dashed.
 POLYGONS = {"outer": (WHITE, 1.5, True), "nominal": (SKY, 2.5, True), "guaranteed": (GREEN, 4.0, False)}
 TOUCHES = {False: (SKY, "touch"), True: (VERMILLION, "touch far from its taxel")}  # the latter are dashed
+ARROW_LENGTH, ARROW_HEAD = 1.2, 0.25  # relative to the pitch, and to the arrow. Larger: arrows hide more.
+ELLIPSE_POINTS = 49  # of an ellipse. More: smoother
 DASH = 0.25  # length of a dash relative to the width of a cell. Larger: short lines have one dash only
 
 
@@ -400,7 +404,50 @@ def touches_of(found: Sequence[Placement]) -> tuple[Layer, ...]:
                 layers.append(
                     Layer("TOUCHED", _single(ends[far == is_far]), colour=colour, width=3.0, dash=dash, words=words)
                 )
+        layers += [*_forces_of(placement), *_motion_of(placement)]
     return tuple(layers)
+
+
+def _forces_of(placement: Placement) -> Iterator[Layer]:
+    """Yield arrows of the forces of touches and of the normals there, which begin at the same point if forces push."""
+    pushed = placement.directions.any(axis=1)
+    if pushed.any():
+        normals, forces = placement.patch.taxels.normals_link[placement.rows[pushed]], placement.directions[pushed]
+        into = np.where((forces * normals).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+        length, places = ARROW_LENGTH * min(placement.patch.pitch), placement.places[pushed]
+        outer = places + length * into * forces
+        ends = np.stack((np.where(into < 0, outer, places), np.where(into < 0, places, outer)), axis=1)
+        yield Layer("FORCES", _single(_arrows(ends)), colour=PINK, width=2.0, words="force")
+        ends = np.stack((places, places + length * normals), axis=1)
+        yield Layer("TOUCHED_NORMALS", _single(_arrows(ends)), colour=GREEN, width=2.0, words="normal")
+
+
+def _arrows(ends: np.ndarray) -> np.ndarray:
+    """Return the segments (3 n, 2, 3) of arrows from the first to the second of their ends (n, 2, 3)."""
+    along = ends[:, 1] - ends[:, 0]
+    aside = np.array([perpendicular(a) for a in along]) * np.linalg.norm(along, axis=1, keepdims=True)
+    sides = [ends[:, 1] - ARROW_HEAD * along + sign * ARROW_HEAD / 2 * aside for sign in (1, -1)]
+    return np.concatenate((ends, *(np.stack((ends[:, 1], side), axis=1) for side in sides)))
+
+
+def _motion_of(placement: Placement) -> Iterator[Layer]:
+    """Yield ellipses of two standard errors where touches say that some cells are, and the cell to touch next."""
+    patch, found = placement.patch, placement.posterior
+    flat, taxels = flat_places(patch, patch.taxels.index), AllTaxels.of([patch])
+    if found is not None and placement.is_explained:
+        middle = flat.mean(axis=0)
+        ends = [(flat @ direction).argmax() for direction in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+        rows = np.unique([*ends, ((flat - middle) ** 2).sum(axis=1).argmin()])
+        moves, angles = moves_of(flat[rows]), np.linspace(0, 2 * np.pi, ELLIPSE_POINTS)
+        values, axes = np.linalg.eigh(moves @ found.covariance @ moves.transpose(0, 2, 1))
+        circle = 2 * np.stack((np.cos(angles), np.sin(angles)))
+        offsets = (moves @ found.mean)[..., None] + axes * np.sqrt(np.maximum(values, 0))[:, None] @ circle
+        points = np.einsum("nkp,nkc->npc", offsets, patch.taxels.axes_link[rows])
+        points += (taxels.positions + CELL_LIFT * taxels.width * taxels.normals)[rows, None]
+        yield Layer("ELLIPSES", _segments(points), colour=YELLOW, width=2.5, on_top=True, words="2 standard errors")
+    if (following := next_touch(placement)) is not None:
+        outline = _closed(raised_corners(taxels)[following.row : following.row + 1])
+        yield Layer("NEXT", _segments(outline), colour=GREEN, width=4.5, words="touch next")
 
 
 def replay_lines(taxels: AllTaxels, frame: Frame) -> tuple[Layer, ...]:

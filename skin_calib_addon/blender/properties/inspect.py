@@ -5,7 +5,7 @@ import bpy
 from bpy.props import FloatProperty, IntProperty, IntVectorProperty, PointerProperty
 
 from ...common.errors import SkinCalibError
-from ..inspection import replay, taxels
+from ..inspection import comparing, replay, taxels
 from ..live.advice import mark_of, shown_warnings
 from .millimetres import with_millimetres
 from .options import FIXED, angle, choice, flag, length, many, number, text, vector, whole
@@ -64,6 +64,19 @@ class SKIN_PG_taxel(bpy.types.PropertyGroup):
     neighbours: text(name="Neighbours", description="Ids of the adjacent taxels")
 
 
+class SKIN_PG_touch(bpy.types.PropertyGroup):
+    """One touch, in a list with the largest distance first."""
+
+    words: text(description="Distance that no motion of the skin explains, taxel, and line of the file")
+    point: vector(description="Position of the touch, in the link frame [m]")
+    far: flag(description="Whether it is far from its taxel")
+
+
+def _jump(record, context):
+    """Show the touch that was selected in the list."""
+    comparing.show_touch(record.id_data, context)
+
+
 class SKIN_PG_comparison(bpy.types.PropertyGroup):
     """Distances of the skin from the taxels of a file, or from touches."""
 
@@ -72,6 +85,14 @@ class SKIN_PG_comparison(bpy.types.PropertyGroup):
     token: text(description="Name under which its drawing is cached")
     remarks: text(description="Results, one in a line")
     warnings: many(type=SKIN_PG_warning, description="Warnings of the comparison")
+    places: many(type=SKIN_PG_touch, description="Touches, the one with the largest distance first")
+    chosen: whole(
+        name="Touch",
+        description="Which touch is marked; the view moves to it",
+        default=-1,
+        min=-1,
+        update=_jump,
+    )
 
 
 def _progress(record):
@@ -173,3 +194,5 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
         for record in (self.comparison, self.touches, self.replay):
             if record.token and record.key == key:
                 yield record.token
+        if self.touches.key == key:
+            yield comparing.mark_of(self.touches)
