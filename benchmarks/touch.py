@@ -25,7 +25,14 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from skin_calib_addon.calibration import LinkCalibration, MeshSource, Patch, TaxelArray  # noqa: E402
-from skin_calib_addon.validation import Placement, Touches, directions_of, placements, read_touches  # noqa: E402
+from skin_calib_addon.validation import (  # noqa: E402
+    Placement,
+    Touches,
+    directions_of,
+    next_touch,
+    placements,
+    read_touches,
+)
 from skin_calib_addon.validation.flat import flat_places  # noqa: E402
 from skin_calib_addon.validation.gains import fit_gains  # noqa: E402
 from skin_calib_addon.validation.gravity import read_orientations  # noqa: E402
@@ -470,8 +477,30 @@ def gravity_sets(sets: int, seed: int) -> Iterator[str]:
         )
 
 
+def planned_sets(sets: int, seed: int) -> Iterator[str]:
+    """Yield errors for presses of the cells that the presses before say are worth most."""
+    flat = flat_places(calibration().patches[0], calibration().patches[0].taxels.index)
+    found: dict[int, list[Error]] = {10: [], 20: []}
+    for k in range(sets):
+        rng = np.random.default_rng(seed + k)
+        moved, cell = Moved.at_random(rng), len(flat) // 2
+        felt, points = np.empty((0, len(flat))), np.empty((0, 3))
+        for count in range(1, max(found) + 1):
+            place = moved.to_limb(flat[cell] + PITCH * rng.uniform(-0.5, 0.5, (1, 2)))
+            felt = np.vstack((felt, readings(moved.to_sheet(place), 5e-3, rng)))
+            points = np.vstack((points, recorded(place, rng)))
+            one = compared(columns_of(felt, points))
+            if count in found:
+                found[count].append(Error.of(one, moved))
+            following = next_touch(one)
+            cell = int(rng.integers(len(flat))) if following is None else following.row
+    for count, errors in found.items():
+        yield line(f"planned, {count} presses, strongest cell", errors, "better than random")
+
+
 STUDIES = {
     "random": random_sets,
+    "planned": planned_sets,
     "raster": raster_sets,
     "frames": frame_sets,
     "offset": offset_sets,

@@ -201,7 +201,7 @@ class SkinStep(Step):
 
     def draw_touches(self, layout, skin, key, i):
         if skin.touches:
-            first, second = registered(read_key(key, skin, 1.0).touched)
+            first, second = (f"{line[0].upper()}{line[1:]}" for line in registered(read_key(key, skin, 1.0).touched))
             row = layout.row(align=True)
             show_text(row, first, "SNAP_ON")
             symbol(row, "registration_remove", skin=i)

@@ -36,9 +36,9 @@ class NextTouch(NamedTuple):
 
 
 def next_touch(placement: Placement) -> NextTouch | None:
-    """Return the next touch of a patch; None for imported taxels, which touches do not move."""
+    """Return the next touch of a patch; None for imported taxels, and if the touches do not fit the planned order."""
     patch = placement.patch
-    if patch.kind == "imported":
+    if patch.kind == "imported" or placement.posterior is not None and not placement.is_explained:
         return None
     moves = moves_of(flat_places(patch, patch.taxels.index))
     angles = np.linspace(0, 2 * np.pi, DIRECTIONS, endpoint=False)

@@ -81,7 +81,7 @@ def test_skins_move_to_where_they_were_touched(bpy, ours, table):
     stated = ours.plans.read_plan(bpy.context.object, bpy.context.scene).skins[0].touches.touched
     assert 0 < stated.shift_error < 2e-4 and 0 < stated.turn_error < 0.02
     assert stated.session == hashlib.sha256(table.read_bytes()).hexdigest() and stated.used == 294
-    assert f"registered {stated.date} by 294 touches" in " ".join(draw(bpy, "skin"))
+    assert f"Registered {stated.date} by 294 touches" in " ".join(draw(bpy, "skin"))
     with pytest.raises(RuntimeError, match="Fit the link again first"):
         bpy.ops.skin_calib.touches_move()
     bpy.ops.skin_calib.fit()
@@ -109,7 +109,36 @@ def test_skin_that_moves_or_is_forgotten_is_no_longer_registered(bpy, ours, tabl
     assert ours.results.find(result.key).calibration.patches[0].touches is None
     bpy.ops.skin_calib.registration_remove(skin=0)
     assert ours.plans.read_plan(bpy.context.object, bpy.context.scene).skins[0].touches is None
-    assert "registered" not in " ".join(draw(bpy, "skin"))
+    assert "Registered" not in " ".join(draw(bpy, "skin"))
+
+
+def test_presses_have_arrows_ellipses_and_a_list(bpy, ours, table, tmp_path):
+    """Forces push along the normals; the list begins with the largest distance; a row marks its touch; undo ends it."""
+    taxels = taxels_of(bpy, ours)
+    rng = np.random.default_rng(0)
+    rows = rng.integers(0, len(taxels.ids), 30)
+    inside = rng.uniform(-0.5, 0.5, (30, 2)) * 0.01
+    points = taxels.positions_link[rows] + np.einsum("mk,mkc->mc", inside, axes_of(taxels)[rows])
+    wrenches = np.hstack((-8 * taxels.normals_link[rows], np.cross(points, -8 * taxels.normals_link[rows])))
+    lines = [
+        ",".join((taxels.ids[row], *map(str, w), str(k))) for k, (row, w) in enumerate(zip(rows, wrenches.tolist()))
+    ]
+    path = tmp_path / "wrenches.csv"
+    path.write_text("\n".join(["taxel,fx,fy,fz,tx,ty,tz,press", *lines]) + "\n")
+    bpy.ops.skin_calib.touches(filepath=str(path))
+    layers = {layer.what: layer.points for layer in ours.drawing.shown_layers(bpy.context.object)}
+    force, normal = (layers[name][:60].reshape(30, 2, 3) for name in ("FORCES", "TOUCHED_NORMALS"))
+    assert_allclose(force[:, 1] - force[:, 0], -(normal[:, 1] - normal[:, 0]), atol=1e-5)
+    assert_allclose(force[:, 1], points, atol=2e-4)  # a tangent plane differs from the surface
+    assert len(layers["ELLIPSES"]) == 5 * 48 * 2 and len(layers["NEXT"]) == 8
+    found = bpy.context.object.skin_calib.inspect.touches
+    distances = [float(touch.words.split()[0]) for touch in found.places]
+    assert len(distances) == 30 and distances == sorted(distances, reverse=True) and "PLACE" not in layers
+    found.chosen = 3
+    marks = [layer.points for layer in ours.drawing.shown_layers(bpy.context.object) if layer.what == "PLACE"]
+    assert_allclose(marks[0].mean(axis=0), found.places[3].point, atol=1e-6)
+    bpy.ops.skin_calib.touches_end()
+    assert not {layer.what for layer in ours.drawing.shown_layers(bpy.context.object)} & {"PLACE", "FORCES", "NEXT"}
 
 
 def test_what_cannot_be_compared_or_moved_says_why(bpy, table, tmp_path):

@@ -78,6 +78,7 @@ DRIVERS = [
     ("drive_skin.py", "wrist", "1200x1300"),
     ("drive_paint.py", "sole", "1300x1500"),
     ("drive_inspect.py", "wrist", "1200x1300"),
+    ("drive_touches.py", "wrist", "1200x1300"),
     ("drive_taxels.py", "wrist", "1200x1300"),
     ("drive_imported.py", "wrist", "1200x1300"),
     ("drive_waits.py", "wrist", "1200x1300"),

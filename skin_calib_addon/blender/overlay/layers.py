@@ -444,10 +444,10 @@ def _motion_of(placement: Placement) -> Iterator[Layer]:
         offsets = (moves @ found.mean)[..., None] + axes * np.sqrt(np.maximum(values, 0))[:, None] @ circle
         points = np.einsum("nkp,nkc->npc", offsets, patch.taxels.axes_link[rows])
         points += (taxels.positions + CELL_LIFT * taxels.width * taxels.normals)[rows, None]
-        yield Layer("ELLIPSES", _segments(points), colour=YELLOW, width=2.5, on_top=True, words="2 standard errors")
+        yield Layer("ELLIPSES", _segments(points), colour=YELLOW, width=2.5, words="2 standard errors")
     if (following := next_touch(placement)) is not None:
         outline = _closed(raised_corners(taxels)[following.row : following.row + 1])
-        yield Layer("NEXT", _segments(outline), colour=GREEN, width=4.5, words="touch next")
+        yield Layer("NEXT", _segments(outline), colour=VIOLET, width=4.5, words="touch next")
 
 
 def replay_lines(taxels: AllTaxels, frame: Frame) -> tuple[Layer, ...]:

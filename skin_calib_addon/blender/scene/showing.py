@@ -104,7 +104,7 @@ def show_place(context: bpy.types.Context, link: bpy.types.Object, point: Sequen
     """
     place = link_meshes.link_frame(link) @ (Vector(point) / metres_per_unit(context.scene))
     context.scene.cursor.location = place
-    view = context.region_data
+    view = context.region_data or getattr(context.space_data, "region_3d", None)  # a sidebar has no region data
     if view is None:
         return
     region = next(part for part in context.area.regions if part.type == "WINDOW")
