@@ -151,7 +151,7 @@ class SKIN_OT_touches(LooksAtFile, Operator):
 
     bl_label = "Compare with Touches"
 
-    filter_glob: bpy.props.StringProperty(default="*.csv", options={"HIDDEN"})
+    filter_glob: bpy.props.StringProperty(default="*.csv;*.mcap", options={"HIDDEN"})
 
     def look(self, context, path):
         found = comparing.compare_touches(context.object, path)

@@ -6,11 +6,12 @@ from pathlib import Path
 from ..calibration.file import load_calibration
 from ..common.errors import InvalidPlan
 from ..common.strict_json import parse, read
+from ..inspection.touch_file import read_touch_file
 from ..pipeline import calibrate
 from ..pipeline.refine import refine
 from ..pipeline.touch_distance import check_touches
 from ..plan import FORMAT, load_plan, named_from, save_plan
-from ..validation import Placement, directions_of, placements, read_touches, summarize
+from ..validation import Placement, directions_of, placements, summarize
 from .common import DONE, check_outputs, file_name, named_path, say, say_unused, warn
 
 
@@ -19,10 +20,10 @@ def add(parser: argparse.ArgumentParser) -> None:
         "TOUCHES is a CSV file. Each row has the taxel (or channel) with the largest reading, or the readings of all "
         "taxels in columns with their ids, and the position x, y, z of the probe [m] or the wrench fx, fy, fz, tx, ty, "
         "tz of a force-torque sensor [N, N m], in the link frame. The columns time [s] or press state which rows are "
-        "one press."
+        "one press. Or it is an MCAP file with SkinReading, and with WrenchStamped or PointStamped in the link frame."
     )
     parser.add_argument("file", type=named_path, metavar="FILE", help="calibration or plan")
-    parser.add_argument("touches", type=named_path, metavar="TOUCHES", help="CSV file of measured touches")
+    parser.add_argument("touches", type=named_path, metavar="TOUCHES", help="CSV or MCAP file of measured touches")
     parser.add_argument(
         "--refine", action="store_true", help="move the skins of the plan to the positions of the touches"
     )
@@ -42,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     plan = load_plan(options.file) if is_plan else None
     result = calibrate(plan) if plan else None
     calibration = result.calibration if result else load_calibration(options.file)
-    touches = read_touches(options.touches, calibration)
+    touches = read_touch_file(options.touches, calibration)
     check_touches(calibration, touches)
     found = placements(calibration, touches)
     directions, _ = directions_of(calibration, touches)

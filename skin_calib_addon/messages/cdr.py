@@ -108,7 +108,7 @@ def _write_numbers(name: str, dtype: np.dtype, width: int, count: int, data: byt
 
 
 def decode(name: str, data: bytes) -> dict[str, Any]:
-    """Return one of our messages from its bytes.
+    """Return a message from its bytes; a name without a package is one of ours.
 
     Raises
     ------

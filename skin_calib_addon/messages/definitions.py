@@ -18,6 +18,8 @@ OF_ROS = {
     "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z\n",
     "geometry_msgs/Wrench": "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n",
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
+    "geometry_msgs/PointStamped": "std_msgs/Header header\ngeometry_msgs/Point point\n",
+    "geometry_msgs/WrenchStamped": "std_msgs/Header header\ngeometry_msgs/Wrench wrench\n",
     # What markers use.
     "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec\n",
     "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
@@ -52,13 +54,13 @@ def text_of(kind: str) -> str:
     return (FOLDER / f"{name}.msg").read_text("utf-8") if package == PACKAGE else OF_ROS[kind]
 
 
-def fields_in(text: str) -> tuple[Field, ...]:
-    """Return the fields of a definition."""
+def fields_in(text: str, package: str = PACKAGE) -> tuple[Field, ...]:
+    """Return the fields of a definition in a package."""
     fields = []
     for found in filter(None, map(FIELD.match, text.splitlines())):
         kind, array, count, name = found.groups()
         is_complete = kind in PRIMITIVES or "/" in kind
-        fields.append(Field(name, kind if is_complete else f"{PACKAGE}/{kind}", int(count or 0) if array else None))
+        fields.append(Field(name, kind if is_complete else f"{package}/{kind}", int(count or 0) if array else None))
     return tuple(fields)
 
 

@@ -19,7 +19,7 @@ from ..common.strict_json import size_of
 from ..runtime import Frame, Skin
 from ..runtime.modalities import FORCE
 from .cdr import decode, encode
-from .content import frame_message, layout_message, nanoseconds, reading_message, reading_of
+from .content import frame_message, layout_message, nanoseconds, reading_message, reading_of, seconds
 from .definitions import PACKAGE, fields_in, fields_of, full_name, schema_text
 
 # [bytes] of a chunk. Larger: smaller files, but a recorder that is killed loses more readings.
@@ -46,6 +46,8 @@ TOPICS = {
     "frame": ("SkinFrame", 10, VOLATILE),
 }
 READING = f"{PACKAGE}/msg/SkinReading"
+# What is measured at touches, by the names of their messages: the field, and how many numbers it has.
+PROBES = {"geometry_msgs/msg/WrenchStamped": ("wrench", 6), "geometry_msgs/msg/PointStamped": ("point", 3)}
 
 
 def _library() -> Any:
@@ -118,18 +120,27 @@ class McapSkin:
 class RecordedReadings:
     """Readings of a link in an MCAP file, in the order of the file."""
 
-    def __init__(self, path: Path, link: str, limit: int):
-        """Read them, at most ``limit`` numbers."""
+    def __init__(self, path: Path, link: str, limit: int, with_probes: bool = False):
+        """Read them, at most ``limit`` numbers; ``with_probes`` also wrenches and points in the frame of the link."""
         self.times: list[float] = []  # [s]
         self.cycles: list[int] = []
         self.readings: list[Array] = []
         self.calibrations: set[str] = set()  # checksums that the readings name
         self.is_cut = False  # whether the file ends early
+        self.probes: dict[str, list[Array]] = {field: [] for field, _ in PROBES.values()}  # time [s], then the numbers
+        self.frames: set[str] = set()  # of wrenches and points
         self._others: dict[tuple[int, int, str], Array] = {}  # by nanoseconds, cycle, quantity
         self._keys: list[tuple[int, int]] = []
         size_of(path)
         numbers, links = 0, set()
-        for message in self._messages(path):
+        for kind, message in self._messages(path, (READING, *PROBES) if with_probes else (READING,)):
+            if kind in PROBES:
+                (field, count), frame = PROBES[kind], message["header"]["frame_id"]
+                numbers += count + 1
+                self.frames.add(frame)
+                if frame == link:
+                    self.probes[field].append(np.append(seconds(message["header"]["stamp"]), message[field]))
+                continue
             links.add(message["header"]["frame_id"])
             if message["header"]["frame_id"] != link:
                 continue
@@ -181,10 +192,10 @@ class RecordedReadings:
         """How often the cycles begin again."""
         return int(sum(step < 0 for step in np.diff(np.array(self.cycles, object))))
 
-    def _messages(self, path: Path) -> Iterator[dict[str, Any]]:
-        """Yield each ``SkinReading``."""
+    def _messages(self, path: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Yield each message of some kinds, with its kind."""
         mcap = _library()
-        schemas, wanted = {}, set()
+        schemas, wanted = {}, dict[int, str]()
         try:
             with open(path, "rb") as stream:
                 for record in _records(mcap, stream):
@@ -192,11 +203,12 @@ class RecordedReadings:
                         schemas[record.id] = record
                     elif isinstance(record, mcap.records.Channel):
                         schema = schemas.get(record.schema_id)
-                        if schema is not None and schema.name == READING:
+                        if schema is not None and schema.name in kinds:
                             _check(path, record, schema)
-                            wanted.add(record.id)
+                            wanted[record.id] = schema.name
                     elif isinstance(record, mcap.records.Message) and record.channel_id in wanted:
-                        yield decode("SkinReading", record.data)
+                        kind = wanted[record.channel_id]
+                        yield kind, decode(kind.replace("/msg/", "/"), record.data)
         except mcap.exceptions.EndOfFile:
             self.is_cut = True
         except CalibrationFormatError as problem:
@@ -222,15 +234,16 @@ def _records(mcap: Any, stream: IO[bytes]) -> Iterator[Any]:
 
 
 def _check(path: Path, channel: Any, schema: Any) -> None:
-    """Refuse readings in another form than ours."""
+    """Refuse messages in another form than that of their definition here."""
     if channel.message_encoding != "cdr" or schema.encoding != "ros2msg":
         what = f"{show(channel.message_encoding)} and {show(schema.encoding)}"
         raise CalibrationFormatError(
             f"'{path}', topic {show(channel.topic)}: the encodings are {what}, not cdr and ros2msg"
         )
     text = schema.data.decode("utf-8", "replace").partition("=" * 80)[0]
-    if fields_in(text) != fields_of(f"{PACKAGE}/SkinReading"):
+    package, _, name = schema.name.split("/")
+    if fields_in(text, package) != fields_of(f"{package}/{name}"):
         raise CalibrationFormatError(
-            f"'{path}', topic {show(channel.topic)}: the file has another definition of {READING}. Record it with the "
-            "messages of this version"
+            f"'{path}', topic {show(channel.topic)}: the file has another definition of {schema.name}. Record it with "
+            "the messages of this version"
         )

@@ -89,14 +89,31 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
         text = read_text(path)
         _check_link(text, calibration.link)
         recorded, columns = _read(text, calibration)
+    has_owner, unused = columns.owner is not None, columns.unused
+    return touches_of(recorded, tuple(columns.felt), calibration, path, has_owner, unused)
+
+
+def touches_of(
+    recorded: Recorded,
+    felt: tuple[str, ...],
+    calibration: LinkCalibration,
+    path: str | os.PathLike[str],
+    has_owner: bool = False,
+    unused: tuple[str, ...] = (),
+) -> Touches:
+    """Return the touches in the rows of a file.
+
+    ``felt`` has the ids of the taxels with readings. ``has_owner``: the file states the strongest taxel of each row.
+    """
+    with naming_file(path):
         presses = find_presses(recorded, _centres(calibration))
     if (count := len(np.unique(presses.numbers[presses.numbers >= 0]))) > MAX_TOUCHES:
         raise CalibrationFormatError(
-            f"'{path}' has {count} touches, more than {MAX_TOUCHES}. Give the time or the number of "
-            'the press in a column "time" or "press", so that all rows of a press are one touch.'
+            f"'{path}' has {count} touches, more than {MAX_TOUCHES}. Split the file. If these are the rows of fewer "
+            'presses, give the time or the number of the press in a column "time" or "press".'
         )
     with naming_file(path):
-        return replace(_touches(presses, columns), sha256=file_hash(Path(path)) or "")
+        return replace(_touches(presses, felt, has_owner), sha256=file_hash(Path(path)) or "", unused=unused)
 
 
 class _Columns(NamedTuple):
@@ -216,16 +233,15 @@ def _centres(calibration: LinkCalibration) -> dict[str, Array]:
     return {name: position for part in parts for name, position in part}
 
 
-def _touches(presses: Presses, columns: _Columns) -> Touches:
+def _touches(presses: Presses, felt: tuple[str, ...], has_owner: bool) -> Touches:
     """Return the medians of all presses."""
     recorded, numbers = presses.recorded, presses.numbers
-    felt = tuple(columns.felt)
     order = np.argsort(numbers, kind="stable")
     order = order[numbers[order] >= 0]
     groups = np.split(order, np.flatnonzero(np.diff(numbers[order])) + 1)
     groups.sort(key=lambda rows: int(rows[0]))
     readings = _medians(recorded.readings, groups) if felt else np.empty((0, 0))
-    if columns.owner is None:
+    if not has_owner:
         taxels = tuple(felt[k] for k in readings.argmax(axis=1))
     else:
         taxels = tuple(_most_frequent(recorded.taxels[rows].tolist()) for rows in groups)
@@ -237,20 +253,19 @@ def _touches(presses: Presses, columns: _Columns) -> Touches:
         for line, force in zip(lines.tolist(), np.linalg.norm(wrenches[:, :3], axis=1).tolist()):
             if not MIN_FORCE <= force < np.inf:
                 message = f"the force of {force:.3g} N gives no reliable line of action, which needs {MIN_FORCE:g} N"
-                raise TableError(line, f"{message} or more. Remove this touch", columns.numbers["fx"] + 1)
+                raise TableError(line, f"{message} or more. Remove this touch")
         points, directions = lines_of_action(wrenches)
     return Touches(
         taxels,
         lines,
         points,
         directions,
-        columns.unused,
-        wrenches,
-        felt,
-        readings,
-        presses.force_noise,
-        len(recorded.lines),
-        presses,
+        wrenches=wrenches,
+        felt=felt,
+        readings=readings,
+        force_noise=presses.force_noise,
+        rows=len(recorded.lines),
+        recording=presses,
     )
 
 

@@ -31,7 +31,7 @@ MAY_IMPORT = {
     "robot": (*CORE, "plan"),
     "pipeline": (*CORE, "", "validation", "plan", "robot"),
     "proposal": (*CORE, "plan", "robot", "pipeline"),
-    "inspection": (*CORE, "runtime", "messages"),
+    "inspection": (*CORE, "validation", "runtime", "messages"),
     "pictures": (*CORE, "validation", "runtime", "plan", "pipeline", "proposal"),
     "commands": (
         *CORE,

@@ -17,9 +17,10 @@ from ...common.arrays import Array
 from ...common.errors import listed
 from ...common.warnings import Warning
 from ...inspection.comparison import Comparison, compare, read_others
+from ...inspection.touch_file import read_touch_file
 from ...pipeline.refine import refine
 from ...pipeline.touch_distance import check_touches
-from ...validation import Placement, directions_of, placements, read_touches, summarize
+from ...validation import Placement, directions_of, placements, summarize
 from ..overlay import drawing
 from ..overlay.layers import Layer, comparison_of, place_of, touches_of
 from ..scene.link_objects import longest_side
@@ -81,7 +82,7 @@ def name_of(path: str) -> str:
 def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
     """Compare the last result of a link with a table of touches, and keep what was found."""
     calibration = result_of(link).calibration
-    touches = read_touches(path, calibration)
+    touches = read_touch_file(path, calibration)
     check_touches(calibration, touches)
     found = placements(calibration, touches)
     many = len(calibration.patches) > 1
@@ -132,7 +133,7 @@ def _named(placement: Placement, line: str, many: bool) -> str:
 def move_to_touches(link: bpy.types.Object, scene: bpy.types.Scene) -> None:
     """Move the skins of a plan to their measured placement, from the displayed touches."""
     settings, result = link.skin_calib, result_of(link)
-    touches = read_touches(settings.inspect.touches.file, result.calibration)
+    touches = read_touch_file(settings.inspect.touches.file, result.calibration)
     plan = read_plan(link, scene)
     refined = refine(plan, result, touches)
     for skin, before, after in zip(settings.skins, plan.skins, refined.plan.skins):
