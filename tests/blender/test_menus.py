@@ -20,7 +20,7 @@ def listed(bpy):
 
 
 def test_menu_has_every_operator(bpy, plan_file, extension):
-    """With a sheet, boards, taxels of a file, a landmark, a zone and two surfaces, each operator has an entry."""
+    """With a sheet, boards, taxels of a file, a landmark, a zone, touches and two surfaces, each operator has an entry."""
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file()))
     plan = bpy.context.object.skin_calib
     bpy.ops.skin_calib.skin_add(kind="hexagons")
@@ -29,6 +29,7 @@ def test_menu_has_every_operator(bpy, plan_file, extension):
     bpy.ops.skin_calib.landmark_add(skin=0)
     bpy.ops.skin_calib.zone_add(skin=1)
     plan.skins[0].taxels.add().taxel = "0.0"
+    plan.skins[0].touches = "{}"
     bpy.ops.skin_calib.surface_add()
     assert set(dir(bpy.ops.skin_calib)) - set(listed(bpy)) == INTERNAL
     menus = importlib.import_module(f"{extension}.panels.menus")
