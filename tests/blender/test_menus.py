@@ -20,7 +20,7 @@ def listed(bpy):
 
 
 def test_menu_has_every_operator(bpy, plan_file, extension):
-    """With sheet, boards, taxels of a file, landmark, zone, touches and two surfaces, each operator has an entry."""
+    """With a sheet, boards, taxels of a file, a landmark, a zone, touches and two surfaces, each has an entry."""
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file()))
     plan = bpy.context.object.skin_calib
     bpy.ops.skin_calib.skin_add(kind="hexagons")

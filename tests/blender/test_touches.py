@@ -137,6 +137,7 @@ def test_presses_have_arrows_ellipses_and_a_list(bpy, ours, table, tmp_path):
     found.chosen = 3
     marks = [layer.points for layer in ours.drawing.shown_layers(bpy.context.object) if layer.what == "PLACE"]
     assert_allclose(marks[0].mean(axis=0), found.places[3].point, atol=1e-6)
+    assert_allclose(bpy.context.scene.cursor.location, 1e3 * np.array(found.places[3].point), atol=1e-3)
     bpy.ops.skin_calib.touches_end()
     assert not {layer.what for layer in ours.drawing.shown_layers(bpy.context.object)} & {"PLACE", "FORCES", "NEXT"}
 
