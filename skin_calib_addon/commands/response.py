@@ -15,10 +15,10 @@ from ..calibration.response import AnyResponse
 from ..calibration.response_fit import ResponseFit, fit_response
 from ..common.errors import CalibrationFormatError, UnderdeterminedFit
 from ..common.findings import did_you_mean, show
-from ..common.tables import naming_file, read_named_rows
-from ..common.text import read_text
+from ..common.tables import has_columns
 from ..common.warnings import Place, Warning
-from ..validation import directions_of, read_touches
+from ..inspection.touch_file import read_touch_file
+from ..validation import directions_of
 from ..validation.gains import fit_gains
 from .common import DONE, check_outputs, file_name, named_path, say, say_unused, warn
 
@@ -30,7 +30,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         type=named_path,
         metavar="MEASUREMENTS",
         help="CSV file with columns reading, force [N], and optionally taxel or channel; "
-        "with --modality reading and value; or a session of touches with the readings of all taxels and wrenches",
+        "with --modality reading and value; or a session of touches, CSV or MCAP, with all readings and wrenches",
     )
     parser.add_argument(
         "--modality", metavar="NAME", help="fit the response of this modality of the calibration, in its unit"
@@ -44,7 +44,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     check_outputs(options, options.file, options.measurements, replaces=options.file)
     calibration = load_calibration(options.file)
-    if options.modality is None and _is_session(options.measurements):
+    is_session = options.measurements.suffix.lower() == ".mcap" or has_columns(options.measurements, ("fx",))
+    if options.modality is None and is_session:
         return _of_session(options, calibration)
     modality = None if options.modality is None else _modality(calibration, options.modality, options.file)
     quantity, unit = ("force", "N") if modality is None else ("value", modality.unit)
@@ -71,16 +72,9 @@ def run(options: argparse.Namespace) -> int:
     return DONE
 
 
-def _is_session(path: Path) -> bool:
-    """Return whether a table has wrenches, as a session of touches."""
-    with naming_file(path):
-        _, header = next(read_named_rows(read_text(path)), (1, [""]))
-    return "fx" in {name.split("[")[0].split("(")[0].strip() for name in header}
-
-
 def _of_session(options: argparse.Namespace, calibration: LinkCalibration) -> int:
     """Fit gains and a curve to presses of many taxels at once."""
-    touches = read_touches(options.measurements, calibration)
+    touches = read_touch_file(options.measurements, calibration)
     directions, touches = directions_of(calibration, touches)
     try:
         fit = fit_gains(calibration, touches)

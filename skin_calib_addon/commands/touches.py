@@ -4,14 +4,17 @@ import argparse
 from pathlib import Path
 
 from ..calibration.file import load_calibration
+from ..calibration.model import LinkCalibration
 from ..common.errors import InvalidPlan
 from ..common.strict_json import parse, read
+from ..common.tables import has_columns
 from ..inspection.touch_file import read_touch_file
 from ..pipeline import calibrate
 from ..pipeline.refine import refine
 from ..pipeline.touch_distance import check_touches
 from ..plan import FORMAT, load_plan, named_from, save_plan
 from ..validation import Placement, directions_of, placements, summarize
+from ..validation.gravity import ACCELERATION, read_orientations, rotated
 from .common import DONE, check_outputs, file_name, named_path, say, say_unused, warn
 
 
@@ -20,7 +23,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         "TOUCHES is a CSV file. Each row has the taxel (or channel) with the largest reading, or the readings of all "
         "taxels in columns with their ids, and the position x, y, z of the probe [m] or the wrench fx, fy, fz, tx, ty, "
         "tz of a force-torque sensor [N, N m], in the link frame. The columns time [s] or press state which rows are "
-        "one press. Or it is an MCAP file with SkinReading, and with WrenchStamped or PointStamped in the link frame."
+        "one press. Or it is an MCAP file with SkinReading, and with WrenchStamped or PointStamped in the link frame. "
+        "Or it has what accelerometers of taxels measure at rest: ax, ay, az [m/s^2] in the axes of the taxel, and the "
+        "direction of gravity gx, gy, gz in the link frame."
     )
     parser.add_argument("file", type=named_path, metavar="FILE", help="calibration or plan")
     parser.add_argument("touches", type=named_path, metavar="TOUCHES", help="CSV or MCAP file of measured touches")
@@ -43,6 +48,10 @@ def run(options: argparse.Namespace) -> int:
     plan = load_plan(options.file) if is_plan else None
     result = calibrate(plan) if plan else None
     calibration = result.calibration if result else load_calibration(options.file)
+    if has_columns(options.touches, ACCELERATION):
+        if options.refine or options.picture:
+            options.refuse("accelerations show the orientation of taxels; --refine and --picture need touches")
+        return _orientations(options.touches, calibration)
     touches = read_touch_file(options.touches, calibration)
     check_touches(calibration, touches)
     found = placements(calibration, touches)
@@ -69,6 +78,16 @@ def run(options: argparse.Namespace) -> int:
         from ..pictures.touches import draw_touches  # matplotlib is optional
 
         draw_touches(found, options.picture, directions)
+    return DONE
+
+
+def _orientations(path: Path, calibration: LinkCalibration) -> int:
+    """Print the orientation of taxels by their accelerometers."""
+    found = read_orientations(path, calibration)
+    warn(rotated(found))
+    say(f"link             {calibration.link}, {len(found)} of {calibration.taxel_count} taxels with an accelerometer")
+    for one in found:
+        say(one.summary())
     return DONE
 
 

@@ -2,7 +2,7 @@
 
 import csv
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 from .errors import CalibrationFormatError
@@ -10,6 +10,7 @@ from .findings import did_you_mean, show
 from .text import NumberError, real
 
 SEPARATORS = ",;\t"
+MAX_HEAD = 2**20  # [bytes] in which a header ends. Larger: finds those after longer comments.
 
 
 class TableError(ValueError):
@@ -89,3 +90,14 @@ def number_in(row: list[str], column: int, line: int) -> float:
         return real(row[column]) + 0.0  # no minus zero
     except NumberError as problem:
         raise TableError(line, str(problem), column + 1) from problem
+
+
+def has_columns(path: str | os.PathLike[str], names: Iterable[str]) -> bool:
+    """Return whether the header of a table has all these names, with or without units; False for other files."""
+    try:
+        with open(path, "rb") as file:
+            head = file.read(MAX_HEAD).decode("utf-8", "replace")
+        _, header = next(read_named_rows(head.replace("\r", "\n")), (1, [""]))
+    except (OSError, TableError):  # whoever reads it says so
+        return False
+    return {name.split("[")[0].split("(")[0].strip() for name in header}.issuperset(names)

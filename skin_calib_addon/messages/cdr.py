@@ -115,15 +115,16 @@ def decode(name: str, data: bytes) -> dict[str, Any]:
     CalibrationFormatError
         If the bytes are not those of such a message.
     """
+    what = name.rpartition("/")[2]
     if data[:4] != HEADER:
-        raise CalibrationFormatError(f"a {name} does not begin with the header of little-endian CDR: {data[:4].hex()}")
+        raise CalibrationFormatError(f"a {what} does not begin with the header of little-endian CDR: {data[:4].hex()}")
     reader = _Reader(memoryview(data)[4:])
     try:
         message = reader.message(full_name(name))
     except (struct.error, ValueError) as problem:
-        raise CalibrationFormatError(f"a {name} is damaged or truncated: {problem}") from problem
+        raise CalibrationFormatError(f"a {what} is damaged or truncated: {problem}") from problem
     if reader.left > 3:  # rosbag2 and DDS can pad to four bytes
-        raise CalibrationFormatError(f"a {name} has {reader.left} bytes more than its definition")
+        raise CalibrationFormatError(f"a {what} has {reader.left} bytes more than its definition")
     return message
 
 

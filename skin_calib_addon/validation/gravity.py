@@ -6,8 +6,8 @@ At rest an accelerometer measures the specific force, which is opposite to gravi
 
     \mathbf{a}_j = \mathbf{o} - R^T \mathbf{g}_j
 
-with the offset :math:`\mathbf{o}` of the sensor and the rotation :math:`R` of its axes to the link frame. Without the
-means over all postures the offset is gone, and :math:`R` is the solution of Wahba's problem (Kabsch, 1976).
+with the offset :math:`\mathbf{o}` of the sensor and the rotation :math:`R` of its axes to the link frame. Relative
+to the means over all postures there is no offset, and :math:`R` is the solution of Wahba's problem (Kabsch, 1976).
 """
 
 import os

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from skin_calib_addon.calibration import save_calibration
+from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import CalibrationFormatError
 from skin_calib_addon.validation.gravity import read_orientations, rotated
 from tests.samples import seven_boards, small_calibration
@@ -77,3 +79,16 @@ def test_error_is_one_line(tmp_path, edit, message):
     with pytest.raises(CalibrationFormatError) as caught:
         read_orientations(written(tmp_path, edit=edit), CALIBRATION)
     assert message in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_the_command_states_orientations(tmp_path, capsys):
+    """A line for each board, a warning about those that are turned; nothing to refine."""
+    save_calibration(CALIBRATION, tmp_path / "c.json")
+    table = written(tmp_path)
+    assert main(["touches", str(tmp_path / "c.json"), str(table)]) == 0
+    out, err = capsys.readouterr()
+    assert "7 of 7 taxels with an accelerometer" in out and out.count("about the normal") == 7
+    assert "[wrong-orientation]" in err
+    with pytest.raises(SystemExit):
+        main(["touches", str(tmp_path / "c.json"), str(table), "--picture", str(tmp_path / "p.png")])
+    assert "accelerations show the orientation" in capsys.readouterr().err
