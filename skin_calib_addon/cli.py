@@ -34,6 +34,7 @@ COMMANDS = {
     "response": ("response", "fit the responses of the sensors to measurements"),
     "tare": ("tare", "learn baseline and noise from recorded readings without contact"),
     "replay": ("replay", "process recorded readings with the runtime"),
+    "run": ("run", "process readings while they arrive, and publish the frames"),
     "touches": ("touches", "compare a calibration with measured touches"),
 }
 

@@ -76,6 +76,7 @@ class McapSkin:
     def __init__(self, stream: IO[bytes], calibration: LinkCalibration, skin: Skin, time: float):
         """Write calibration and layout, with the time of the first frame [s]."""
         mcap = _library()
+        self._calibration, self._skin = calibration, skin
         self._link, self._checksum = skin.link, skin.checksum
         self._writer = mcap.writer.Writer(stream, chunk_size=CHUNK_SIZE)
         self._writer.start("ros2", f"skin-calib {__version__}")
@@ -83,7 +84,7 @@ class McapSkin:
         self._time = max(nanoseconds(time), 0)
         name = f"{skin.link}.calibration.json"
         self._writer.add_attachment(0, self._time, name, "application/json", encode_json(to_document(calibration)))
-        self._write("layout", layout_message(calibration, skin, time), 0)
+        self.add_layout(time)
 
     def _register(self, topic: str, message: str, depth: int, durability: int) -> int:
         kind, text = full_name(message).replace("/", "/msg/"), schema_text(message)
@@ -95,6 +96,11 @@ class McapSkin:
         data = encode(self.topics[topic][0], message)
         self._writer.add_message(self._channels[topic], self._time, data, self._time, cycle % 2**32)
 
+    def add_layout(self, time: float) -> None:
+        """Write the layout again, because its thresholds have changed."""
+        self._time = max(nanoseconds(time), 0)  # stamps can be negative, times of MCAP cannot
+        self._write("layout", layout_message(self._calibration, self._skin, time), 0)
+
     def add(self, readings: Mapping[str, Array], frame: Frame, cycle: int, lost: int = 0) -> None:
         """Write the readings (channels,) of a cycle by their quantities, and the frame that they gave.
 
@@ -103,18 +109,22 @@ class McapSkin:
         InvalidReading
             If the time of the frame is not finite, or does not fit into a message.
         """
-        self._time = max(nanoseconds(frame.time), 0)  # stamps can be negative, times of MCAP cannot
+        self._time = max(nanoseconds(frame.time), 0)
         for name, reading in readings.items():
             message = reading_message(self._link, reading, frame.time, cycle, lost, self._checksum, name)
             self._write("reading", message, cycle)
         self._write("frame", frame_message(self._link, frame, cycle, lost, self._checksum), cycle)
+
+    def close(self) -> None:
+        """Complete the file."""
+        self._writer.finish()
 
     def __enter__(self) -> "McapSkin":
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         if error is None:
-            self._writer.finish()
+            self.close()
 
 
 class RecordedReadings:

@@ -32,6 +32,7 @@ MAY_IMPORT = {
     "pipeline": (*CORE, "", "validation", "plan", "robot"),
     "proposal": (*CORE, "plan", "robot", "pipeline"),
     "inspection": (*CORE, "validation", "runtime", "messages"),
+    "live": (*FILE, "runtime", "messages", "inspection.recording"),
     "pictures": (*CORE, "validation", "runtime", "plan", "pipeline", "proposal"),
     "commands": (
         *CORE,
@@ -43,6 +44,7 @@ MAY_IMPORT = {
         "robot",
         "proposal",
         "inspection",
+        "live",
         "pictures",
     ),
     "cli": ("", "commands"),
@@ -65,6 +67,7 @@ LIBRARIES = {
     "proposal": {"numpy", "scipy"},
     "inspection": {"numpy", "scipy"},
     "messages": {"numpy", "mcap", "rerun"},
+    "live": {"numpy", "cyclonedds", "serial"},
     "pictures": {"numpy", "matplotlib"},
     "blender": {"numpy", *BLENDER},
 }  # the others need NumPy alone

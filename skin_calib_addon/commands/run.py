@@ -1,0 +1,170 @@
+"""``run``: process readings while they arrive, and publish the frames."""
+
+import argparse
+import runpy
+import signal
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..calibration.file import load_calibration
+from ..common.errors import CalibrationFormatError
+from ..common.interruptions import handled
+from ..live.inputs import FileInput, Input, SerialInput, UdpInput
+from ..live.loop import Status, undisturbed
+from ..live.loop import run as run_loop
+from ..live.outputs import McapOutput, Output, UdpOutput
+from ..messages.packet import Decoder
+from ..runtime import Skin, load
+from .common import DONE, check_target, complain, count, named_path, say
+from .tare import add_accept, rested
+
+BAUD = 115_200  # Contract: of a serial line without a number
+LOCAL = "127.0.0.1"
+
+
+class Place(NamedTuple):
+    """An input or output: its kind, and what follows, with a number at its end."""
+
+    kind: str
+    name: str
+    number: int = 0
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=named_path, metavar="CALIBRATION", help="calibration file")
+    parser.add_argument(
+        "--input",
+        type=source,
+        required=True,
+        metavar="INPUT",
+        help="udp:PORT or udp:ADDRESS:PORT (of this computer; default: 127.0.0.1), serial:DEVICE or serial:DEVICE:BAUD "
+        f"(default: {BAUD}), or mcap:FILE, which is played at its own speed",
+    )
+    parser.add_argument(
+        "--output",
+        type=target,
+        action="append",
+        required=True,
+        metavar="OUTPUT",
+        help="dds (topics of ROS 2, on this computer only unless CYCLONEDDS_URI is set), mcap:FILE (a new file), "
+        "udp:PORT or udp:HOST:PORT (a SkinFrame in each datagram); can be given several times",
+    )
+    parser.add_argument(
+        "--tare", type=count, default=0, metavar="N", help="use the first N readings as readings at rest (default: 0)"
+    )
+    add_accept(parser)
+    parser.add_argument("--noise", type=named_path, metavar="NOISE", help="what skin-calib tare learned at rest")
+    parser.add_argument(
+        "--decoder",
+        type=named_path,
+        metavar="PYTHON",
+        help="file of yours that is run, with a class Decoder for other electronics (default: packets of Skin Calib)",
+    )
+    parser.add_argument(
+        "--arrival-time",
+        action="store_true",
+        help="the time of a reading is that of its arrival on the clock of this computer (default: that in the packet)",
+    )
+
+
+def source(text: str) -> Place:
+    """Parse an input."""
+    kind, _, name = text.partition(":")
+    if kind == "mcap" and name:
+        return Place(kind, name)
+    if kind == "serial" and name:
+        device, _, baud = name.rpartition(":")
+        return Place(kind, device, int(baud)) if device and baud.isdecimal() else Place(kind, name, BAUD)
+    if kind == "udp":
+        return _udp(text, name)
+    raise argparse.ArgumentTypeError(f"{text!r} is not udp:PORT, serial:DEVICE or mcap:FILE")
+
+
+def target(text: str) -> Place:
+    """Parse an output."""
+    kind, _, name = text.partition(":")
+    if text == "dds" or (kind == "mcap" and name):
+        return Place(kind, name)
+    if kind == "udp":
+        return _udp(text, name)
+    raise argparse.ArgumentTypeError(f"{text!r} is not dds, mcap:FILE or udp:HOST:PORT")
+
+
+def _udp(text: str, name: str) -> Place:
+    host, _, port = name.rpartition(":")
+    if not port.isdecimal() or not 0 < int(port) < 2**16:
+        raise argparse.ArgumentTypeError(f"{text!r} does not end with a port, 1 to 65535")
+    return Place("udp", host or LOCAL, int(port))
+
+
+def run(options: argparse.Namespace) -> int:
+    for place in options.output:
+        if place.kind == "mcap":
+            check_target(Path(place.name), options.file, options.noise)
+    if options.tare and options.noise:
+        options.refuse("--tare and --noise both say what the sensors read at rest; give one of them")
+    skin = load(options.file, noise=options.noise)
+    decoder = Decoder() if options.decoder is None else _decoder(options.decoder)
+    stops: list[int] = []
+
+    def stop(number: int, _: Any) -> None:
+        if stops:  # the first one had no effect, for example because a disk does not answer
+            raise KeyboardInterrupt
+        stops.append(number)
+
+    # The priority before the outputs: threads of DDS inherit it.
+    with handled(stop, signal.SIGINT, signal.SIGTERM), undisturbed() as priority, ExitStack() as stack:
+        given = _input(options.input, skin, decoder)
+        stack.callback(given.close)
+        outputs = []
+        for place in options.output:
+            outputs.append(_output(place, options.file, skin))
+            stack.callback(outputs[-1].close)
+        for note in given.notes:
+            complain(f"warning: {note}")
+        complain(f"{given.text} to {', '.join(output.text for output in outputs)}; {priority}")
+        status = Status(decoder, outputs)
+        run_loop(
+            skin,
+            given,
+            outputs,
+            status,
+            complain,
+            lambda: bool(stops),
+            options.tare,
+            lambda rows: f"rest: {rested(skin, rows, options.input.name, options.accept)}",
+            options.arrival_time,
+        )
+    say(status.total())
+    return DONE
+
+
+def _decoder(path: Path) -> Any:
+    """Return the decoder of a Python file."""
+    try:
+        decoder = runpy.run_path(str(path))["Decoder"]()
+    except Exception as problem:  # whatever the file of the user raises
+        what = f"{type(problem).__name__}: {problem}"
+        raise CalibrationFormatError(f"cannot use a class Decoder of '{path}': {what}. Correct the file") from problem
+    if not callable(getattr(decoder, "feed", None)):
+        raise CalibrationFormatError(f"the class Decoder of '{path}' has no method feed(data, is_datagram). Add it")
+    return decoder
+
+
+def _input(place: Place, skin: Skin, decoder: Any) -> Input:
+    if place.kind == "udp":
+        return UdpInput(place.name, place.number, decoder)
+    if place.kind == "serial":
+        return SerialInput(place.name, place.number, decoder)
+    return FileInput(Path(place.name), skin)
+
+
+def _output(place: Place, file: Path, skin: Skin) -> Output:
+    if place.kind == "udp":
+        return UdpOutput(place.name, place.number, skin)
+    if place.kind == "mcap":
+        return McapOutput(Path(place.name), load_calibration(file), skin)
+    from ..live.dds import DdsOutput  # cyclonedds is optional
+
+    return DdsOutput(load_calibration(file), skin)

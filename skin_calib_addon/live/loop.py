@@ -1,0 +1,163 @@
+"""The loop: read, compute, publish; count what is wrong, and report it once a second."""
+
+import gc
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from itertools import islice
+from typing import Any
+
+from ..common.arrays import Array
+from ..common.errors import SkinCalibError, counted
+from ..runtime import Frame, Skin
+from ..runtime.modalities import FORCE
+from .inputs import Input
+from .outputs import Output
+
+PERIOD = 1.0  # [s] between two reports. Smaller: more lines
+PRIORITY = 50  # of SCHED_FIFO, 1 to 99; interrupts of the kernel have 50. Larger: the loop can delay them
+COUNTERS = ("old", "damaged", "skipped", "restarts")  # Contract: what a decoder may count
+
+
+class Status:
+    """What a run has counted."""
+
+    def __init__(self, decoder: Any, outputs: Sequence[Output]):
+        self._decoder, self._outputs = decoder, outputs
+        self.start = self._since = time.monotonic()
+        self.readings = self.lost = self.restarts = self.frames = 0
+        self.cycle: int | None = None
+        self.flags: Counter[str] = Counter()
+        self._before, self._slowest, self._recent = 0, 0.0, Counter[str]()
+
+    def count(self, cycle: int) -> None:
+        """Count a reading by its cycle."""
+        step = 1 if self.cycle is None else cycle - self.cycle
+        self.lost += max(step - 1, 0)
+        self.restarts += step < 0
+        self.cycle, self.readings = cycle, self.readings + 1
+
+    def add(self, frame: Frame, seconds: float) -> None:
+        """Count a frame that took some seconds."""
+        self.frames += 1
+        self._slowest = max(self._slowest, seconds)
+        self._recent.update(frame.flags)
+
+    def faults(self) -> str:
+        """Return all that was counted and is not zero, as words."""
+        counts = {"lost": self.lost} | {name: getattr(self._decoder, name, 0) for name in COUNTERS}
+        counts["restarts"] += self.restarts
+        words = [f"{name} {count}" for name, count in counts.items() if count]
+        words += [f"not sent {o.unsent} ({o.reason})" for o in self._outputs if o.unsent]
+        return ", ".join(words) or "no reading lost"
+
+    def due(self) -> str | None:
+        """Return the report if it is time for one."""
+        now = time.monotonic()
+        if (seconds := now - self._since) < PERIOD:
+            return None
+        rate = (self.readings - self._before) / seconds
+        text = f"{now - self.start:.0f} s: {rate:.0f} readings/s, slowest frame {1e3 * self._slowest:.1f} ms; "
+        text += self.faults() + "".join(f"; {flag} {n}" for flag, n in sorted(self._recent.items()))
+        self.flags += self._recent
+        self._since, self._before, self._slowest, self._recent = now, self.readings, 0.0, Counter()
+        return text
+
+    def total(self) -> str:
+        """Return the summary of the run."""
+        flags = sorted((self.flags + self._recent).items())
+        text = f"{counted(self.frames, 'frame')} of {counted(self.readings, 'reading')}; {self.faults()}"
+        return text + "".join(f"; {flag} {n}" for flag, n in flags)
+
+
+def run(
+    skin: Skin,
+    source: Input,
+    outputs: Sequence[Output],
+    status: Status,
+    report: Callable[[str], None] = print,
+    is_stopped: Callable[[], bool] = lambda: False,
+    rest: int = 0,
+    tare: Callable[[list[Array]], str] | None = None,
+    by_arrival: bool = False,
+) -> None:
+    """Publish a frame for each reading until the source ends, or the run is stopped.
+
+    Parameters
+    ----------
+    skin : Skin
+        That computes.
+    source : Input
+        Of readings.
+    outputs : sequence of Output
+        All of them get each frame, in this order.
+    status : Status
+        That counts.
+    report : function
+        Of the line that there is each second.
+    is_stopped : function
+        Asked ten times a second or more.
+    rest : int
+        Number of readings at the start with which ``tare`` sets the baseline. They give no frames.
+    tare : function
+        Returns what it learned, as words.
+    by_arrival : bool
+        Whether the time of a reading is that of its arrival on the clock of this computer.
+
+    Raises
+    ------
+    SkinCalibError
+        If the source fails, or ends during the rest.
+    """
+    readings, noise = _readings(source, status, report, is_stopped, by_arrival), object()
+    if tare is not None and rest:
+        rows = [values[FORCE] for _, _, values in islice(readings, rest)]
+        if len(rows) < rest and not is_stopped():
+            raise SkinCalibError(f"the input ended after {len(rows)} of the {rest} readings at rest. Use fewer")
+        if len(rows) == rest:
+            report(tare(rows))
+    for cycle, at, values in readings:
+        start = time.perf_counter()
+        frame = skin.update(values, at)
+        if skin.noise is not noise:  # the layout has its thresholds
+            noise = skin.noise
+            for output in outputs:
+                output.layout(at)
+        for output in outputs:
+            output.frame(values, frame, cycle, status.lost)
+        status.add(frame, time.perf_counter() - start)
+
+
+def _readings(
+    source: Input, status: Status, report: Callable[[str], None], is_stopped: Callable[[], bool], by_arrival: bool
+) -> Iterator[tuple[int, float, Mapping[str, Array]]]:
+    """Yield cycle, time and values of each reading, count them, and report."""
+    while not is_stopped() and (found := source.read()) is not None:
+        for reading in found:
+            status.count(reading.cycle)
+            values = reading.values if isinstance(reading.values, Mapping) else {FORCE: reading.values}
+            yield reading.cycle, time.time() if by_arrival else reading.time, values
+        if (line := status.due()) is not None:
+            report(line)
+
+
+@contextmanager
+def undisturbed() -> Iterator[str]:
+    """Use real-time priority if it is permitted, and shorten pauses for memory; give the priority as words."""
+    gc.collect()
+    gc.freeze()  # collections skip all that exists now: they take microseconds
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+        text = f"real-time priority {PRIORITY}"
+    except AttributeError:
+        text = "normal priority: this system has no SCHED_FIFO"
+    except OSError:
+        text = "normal priority: SCHED_FIFO is not permitted here (limit rtprio)"
+    try:
+        yield text
+    finally:
+        gc.unfreeze()
+        if text.startswith("real"):
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
