@@ -60,16 +60,19 @@ class Status:
             return None
         rate = (self.readings - self._before) / seconds
         text = f"{now - self.start:.0f} s: {rate:.0f} readings/s, slowest frame {1e3 * self._slowest:.1f} ms; "
-        text += self.faults() + "".join(f"; {flag} {n}" for flag, n in sorted(self._recent.items()))
+        text += self.faults() + _listed(self._recent)
         self.flags += self._recent
         self._since, self._before, self._slowest, self._recent = now, self.readings, 0.0, Counter()
         return text
 
     def total(self) -> str:
         """Return the summary of the run."""
-        flags = sorted((self.flags + self._recent).items())
         text = f"{counted(self.frames, 'frame')} of {counted(self.readings, 'reading')}; {self.faults()}"
-        return text + "".join(f"; {flag} {n}" for flag, n in flags)
+        return text + _listed(self.flags + self._recent)
+
+
+def _listed(flags: Counter[str]) -> str:
+    return "; flags: " + ", ".join(f"{flag} {n}" for flag, n in sorted(flags.items())) if flags else ""
 
 
 def run(

@@ -1,7 +1,8 @@
 """Where frames go: MCAP files and UDP; ``dds`` has ROS 2."""
 
 import socket
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
@@ -41,34 +42,41 @@ class McapOutput:
     unsent, reason = 0, ""
 
     def __init__(self, path: Path, calibration: LinkCalibration, skin: Skin):
-        try:
+        self.text, self._calibration, self._skin = str(path), calibration, skin
+        self._file: McapSkin | None = None
+        with self._naming():
             self._stream = open(path, "xb")
+
+    @contextmanager
+    def _naming(self) -> Iterator[None]:
+        """Name the file in errors."""
+        try:
+            yield
         except OSError as problem:
-            raise OutputError(f"cannot create '{path}': {problem.strerror}. Choose another name or folder") from problem
-        self._path, self._of, self._file = path, (calibration, skin), None
-        self.text = str(path)
+            advice = "Choose another name or folder, or free disk space"
+            raise OutputError(f"cannot write '{self.text}': {problem.strerror}. {advice}") from problem
 
     def layout(self, time: float) -> None:
         """Write the taxels."""
-        if self._file is None:
-            self._file = McapSkin(self._stream, *self._of, time)
-        else:
-            self._file.add_layout(time)
+        with self._naming():
+            if self._file is None:
+                self._file = McapSkin(self._stream, self._calibration, self._skin, time)
+            else:
+                self._file.add_layout(time)
 
     def frame(self, readings: Mapping[str, Array], frame: Frame, cycle: int, lost: int) -> None:
-        """Write readings and frame."""
+        """Write readings and frame, after the layout."""
         assert self._file is not None
-        try:
+        with self._naming():
             self._file.add(readings, frame, cycle, lost)
-        except OSError as problem:
-            raise OutputError(f"cannot write '{self._path}': {problem.strerror}. Free disk space") from problem
 
     def close(self) -> None:
         """Complete the file."""
-        with self._stream:
+        with self._naming(), self._stream:
             if self._file is None:
                 self.layout(0.0)
-            self._file.close()
+            if self._file is not None:
+                self._file.close()
 
 
 class UdpOutput:

@@ -18,6 +18,10 @@ MAGIC, VERSION = b"SKIN", 1  # Contract
 HEADER = struct.Struct("<4sBBHIIQ")
 CRC = struct.Struct("<I")
 BITS = (8, 12, 16)  # Contract: of a reading
+# Packets in a row that are older than the last reading, in their order, from which on they are those of a sender that has
+# started again with the same session. Larger: more readings of such a sender are not used; smaller: many late packets in a
+# row, of which each was sent twice, count as new.
+OLD_IN_A_ROW = 100
 START = HEADER.size + CRC.size  # Derived: bytes before the readings
 
 
@@ -85,7 +89,7 @@ class Decoder:
     skipped : int
         Bytes that belong to no packet with a right header.
     restarts : int
-        Changes of the session: the sender has started again.
+        Changes of the session, and cycles that begin again: the sender has started again.
     """
 
     def __init__(self) -> None:
@@ -94,6 +98,7 @@ class Decoder:
         self._session: int | None = None
         self._last = 0  # cycle of the sender
         self._cycle = 0  # of the last reading
+        self._old_cycle = self._olds = 0  # of the last old packet, and how many there were in a row
 
     def feed(self, data: bytes, is_datagram: bool = False) -> list[Reading]:
         """Return the readings that are complete after these bytes; a datagram ends with its packet.
@@ -147,10 +152,14 @@ class Decoder:
         else:
             step = (cycle - self._last) % 2**32
             if step == 0 or step >= 2**31:  # the counter wraps
-                self.old += 1
-                return False
+                is_later = 0 < (cycle - self._old_cycle) % 2**32 < 2**31
+                self._old_cycle, self._olds = cycle, self._olds + 1 if is_later else 1
+                if self._olds < OLD_IN_A_ROW:
+                    self.old += 1
+                    return False
+                self.restarts, step = self.restarts + 1, 1
             self.lost += step - 1
             self._cycle += step
-        self._session, self._last = session, cycle
+        self._session, self._last, self._olds = session, cycle, 0
         self.received += 1
         return True

@@ -102,6 +102,25 @@ def test_restart_of_the_sender_is_counted():
     assert [r.cycle for r in found] == [0, 1, 2, 3, 4, 5] and counts(decoder) == numbers(received=6, restarts=1)
 
 
+def test_sender_that_restarts_with_the_same_session_is_found():
+    """Its cycles begin again; after as many old packets in a row as no network delays, they count as new ones."""
+    rows, packets = stream(range(1000))
+    decoder = Decoder()
+    found = decoder.feed(b"".join(packets[:800] + packets[:300]))
+    assert [r.cycle for r in found] == list(range(1001))
+    assert [r.values.tolist() for r in found[800:]] == [rows[k].tolist() for k in range(99, 300)]
+    assert counts(decoder) == numbers(received=1001, old=99, restarts=1)
+
+
+def test_late_packets_between_new_ones_are_no_restart():
+    """Each packet comes a second time, 200 later."""
+    _, packets = stream(range(1000))
+    decoder = Decoder()
+    for k in range(200, 1000):
+        decoder.feed(packets[k] + packets[k - 200])
+    assert counts(decoder) == numbers(received=800, old=800)
+
+
 def test_counter_of_cycles_wraps():
     """After 2^32 readings it begins again, within a session."""
     decoder = Decoder()
