@@ -80,6 +80,7 @@ cpp: $(VENV)/cpp-ready  ## the C++ runtime: gcc and clang, tests with sanitizers
 		-Dpybind11_DIR=$$($(BIN)/python -m pybind11 --cmakedir) >/dev/null
 	cmake --build build/python
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m cpp.tests.differential --frames 10000
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m cpp.tests.run
 
 wheel: $(READY)  ## the Python package in dist/; without what an earlier build left
 	rm -rf build

@@ -1,152 +1,162 @@
-"""Time of a preview in Blender during a change: read, cut, fit, place, and prepare the drawing.
+"""`skin-calib run` at 1 kHz with 1260 taxels of 16 bits: gaps, latency, processor time, by output, priority, load.
 
-    python benchmarks/live.py
+    python -m benchmarks.live [--seconds 60] [--output dds mcap udp]
 
-Needs the module bpy. Times [ms] go from the change to the arrays that are drawn, without the redraw of the window:
-median and minimum of several, and the median and maximum CPU time of the process from the change to the end of its
-preview. No change repeats an earlier one. The cases are the sample wrist (10 200 triangles, 120 taxels), with a sheet
-of 10 000 taxels, and with meshes of 10^5 triangles, and of 122 400 faces of Blender, which are 244 800 triangles.
+A sender with real-time priority sends a packet each millisecond. Latency is from the time in the packet to that at which
+an independent reader has the frame: in C with Cyclone DDS, else a socket that gets the frame after the file. The load is
+that of more processes that compute all the time. It needs Linux, root, and what `tests/live/programs.py` names.
 """
 
-import importlib
+import argparse
 import os
-import statistics
+import socket
+import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-REPEATS = 12
-FIRST = 3  # changes that are not counted: they compute what depends on the mesh only
-MANY = 50, 200  # rows and columns of a sheet of 10 000 taxels
+import numpy as np
+
+from skin_calib_addon.calibration import Response, save_calibration
+from skin_calib_addon.live import dds
+from skin_calib_addon.messages import decode
+from skin_calib_addon.messages.packet import packet
+from tests.live.programs import build, missing
+from tests.live.running import Process, Receiver, free_port
+from tests.samples import sheet, small_calibration
+
+ROWS, COLUMNS = 30, 42
+REST = 200
+NORMAL = ["setpriv", "--bounding-set=-sys_nice"]  # without the right to real-time priority
+BUSY = "while True: pass"
 
 
-def main():
-    """Enable the extension, open the sample, change it."""
-    folder = Path(tempfile.mkdtemp())
-    os.environ["BLENDER_USER_RESOURCES"] = str(folder / "resources")
-    import bpy
-
-    addon_utils = importlib.import_module("addon_utils")
-    (folder / "skin_calib").symlink_to(ROOT)
-    repository = bpy.context.preferences.extensions.repos.new(name="b", module="b", custom_directory=str(folder))
-    name = f"bl_ext.{repository.module}.skin_calib"
-    assert addon_utils.enable(name, default_set=True)
-    live = importlib.import_module(f"{name}.skin_calib_addon.blender.live.updates")
-    bpy.ops.wm.open_mainfile(filepath=str(ROOT / "sample_scenes" / "wrist.blend"))
-    link = bpy.context.object
-    plan = link.skin_calib
-    bpy.ops.skin_calib.fit()
-    plan.live, live.FIT_DELAY = True, 1e9
-    print(f"Blender {bpy.app.version_string}, previews in ms: median, best, median and maximum CPU")
-    measure(live, link, "wrist", CHANGES | CUT)
-    plan.skins[0].rows, plan.skins[0].columns = MANY
-    plan.skins[0].pitch = plan.skins[0].pitch[0] * 6 / MANY[0], plan.skins[0].pitch[1] * 20 / MANY[1]
-    measure(live, link, "10 000 taxels", CHANGES | CUT)
-    plan.skins[0].rows, plan.skins[0].columns, plan.skins[0].pitch = 6, 20, (0.01, 0.01)
-    coarse = link.data.copy()
-    link.modifiers.new("finer", "SUBSURF").levels = 2
-    bpy.ops.object.modifier_apply(modifier="finer")
-    fine = f"{len(link.data.polygons):,} faces".replace(",", " ")
-    measure(live, link, fine, CHANGES | CUT)
-    fine_mesh = link.data.copy()
-    decimate = link.modifiers.new("fewer", "DECIMATE")
-    decimate.ratio = 1e5 / len(link.data.loop_triangles)
-    bpy.ops.object.modifier_apply(modifier="fewer")
-    measure(live, link, "10^5 triangles", CHANGES | CUT)
-    bpy.ops.skin_calib.planes_place()
-    measure(live, link, "10^5 triangles", BY_HAND)
-    for case, link.data in ((fine, fine_mesh), ("wrist", coarse)):
-        measure(live, link, case, BY_HAND)
-    addon_utils.disable(name, default_set=True)
+def fifo(priority: int) -> None:
+    """Give this process a real-time priority."""
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
 
 
-def measure(live, link, case, changes, repeats=REPEATS):
-    """Print the times of some changes of a link."""
-    for what, change in changes.items():
-        link.data.vertices[0].co.z += 1e-7  # what earlier changes computed is of another mesh
-        link.skin_calib.inspect.heat = HEAT.get(what, "NONE")
-        seconds, cpu = [], []
-        for k in range(repeats):
-            start = time.process_time()
-            change(link.skin_calib, k)
-            while live.tick() == live.POLL_INTERVAL:
-                pass
-            cpu.append((time.process_time() - start) * 1e3)
-            report = live.session.of(link).report
-            if report.refusal:
-                print(f"{case:16} {what:26} refused: {report.refusal.message}")
-                break
-            seconds.append(report.seconds * 1e3)
-        else:
-            cpu = cpu[FIRST:]
-            times = statistics.median(seconds[FIRST:]), min(seconds), statistics.median(cpu), max(cpu)
-            print(f"{case:16} {what:26} " + " ".join(f"{t:6.1f}" for t in times), flush=True)
-        link.skin_calib.cover.cuts.clear()
+def send(port: int, count: int) -> None:
+    """Send packets at 1 kHz: noise about a rest of 30 counts, then a press that moves."""
+    rng, (row, column) = np.random.default_rng(0), np.indices((ROWS, COLUMNS))
+    table = rng.normal(30, 1, (500, ROWS * COLUMNS))
+    for k in range(500):
+        table[k] += np.maximum(500 - 100 * np.hypot(row - 15, column - 5 - k / 17).ravel(), 0)
+    pressed = np.rint(table).astype(np.uint16)
+    quiet = np.rint(rng.normal(30, 1, (REST, ROWS * COLUMNS))).astype(np.uint16)
+    out, period, start = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), 10**6, time.monotonic_ns()
+    for k in range(count):
+        time.sleep(max(start + k * period - time.monotonic_ns(), 0) / 1e9)
+        values = quiet[k] if k < REST else pressed[k % 500]
+        out.sendto(packet(values, k, time.time_ns() // 1000), ("127.0.0.1", port))
 
 
-def rows(plan, k):
-    """Change the size of the sheet."""
-    plan.skins[0].rows = plan.skins[0].rows + (1 if k % 2 else -1)
+def processor_time(pid: int) -> float:
+    """Return the processor time of a process so far [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
 
 
-def direction(plan, k):
-    """Turn the sheet."""
-    plan.skins[0].direction = (0.002 * k, 1, 0)
+@contextmanager
+def load(count: int) -> Iterator[None]:
+    """Keep processors busy."""
+    busy = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for one in busy:
+            one.kill()
+            one.wait()
 
 
-def number(plan, k):
-    """Change the number of planes, with automatic spacing."""
-    plan.grid.spacing = "auto"
-    plan.grid.n = 6 + k
+def measure(folder: Path, calibration: Path, reader: Path, output: str, is_real_time: bool, frames: int) -> str:
+    """Return a row of the table."""
+    port, outputs, domain = free_port(), ["--output", "dds"], str(os.getpid() % 100 + 1)
+    receiver = Receiver()
+    if output != "dds":
+        file = folder / f"{time.time_ns()}.mcap"
+        outputs = ["--output", f"mcap:{file}"] if output == "mcap" else []
+        outputs += ["--output", f"udp:{receiver.port}"]
+    prefix = [] if is_real_time else NORMAL
+    command = [*prefix, sys.executable, "-m", "skin_calib_addon", "run", calibration, "--input", f"udp:{port}"]
+    reading = ["chrt", "-f", 60, reader] if is_real_time else [reader]
+    with (
+        Process(folder, "reader", *reading, domain, "forearm", "short", CYCLONEDDS_URI=dds.LOOPBACK) as listener,
+        Process(folder, "run", *command, "--tare", REST, "--accept", *outputs, ROS_DOMAIN_ID=domain) as run,
+    ):
+        run.wait_for(lambda run: "priority" in run.err)
+        assert ("real-time" in run.err) == is_real_time, run.err
+        if output == "dds":
+            listener.wait_for(lambda listener: "matched" in listener.out)
+        before = processor_time(run.process.pid)
+        sender = subprocess.Popen([sys.executable, "-m", "benchmarks.live", "--send", str(port), str(REST + frames)])
+        found = []  # cycle, latency [ns]
+        if output != "dds":
+            receiver.socket.settimeout(2)
+            fifo(60) if is_real_time else None
+            with_end = False
+            while not with_end:
+                try:
+                    data, now = receiver.socket.recv(65536), time.time_ns()
+                except TimeoutError:
+                    with_end = sender.poll() is not None
+                    continue
+                head = np.frombuffer(data, "<u4", 2, 4)  # seconds, nanoseconds
+                at = 20 + len("forearm") + 1
+                cycle = int.from_bytes(data[(at := at + -(at - 4) % 8) : at + 8], "little")
+                found.append((cycle, now - int(head[0]) * 10**9 - int(head[1])))
+            assert decode("SkinFrame", data)["cycle"] == cycle
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        sender.wait()
+        time.sleep(1)
+        used = (processor_time(run.process.pid) - before) / frames * 1e6
+        assert run.stop() == 0
+        if output == "dds":
+            lines = [line.split() for line in listener.out.splitlines() if line[:1].isdigit()]
+            found = [(int(cycle), float(late)) for cycle, late in lines]
+        faults = run.out.partition("; ")[2].strip()
+    cycles, late = np.array([c for c, _ in found]), np.array([n for _, n in found]) / 1e3
+    gaps = frames - len(set(cycles.tolist()))
+    assert (np.diff(cycles) > 0).all()
+    p50, p99, most = np.percentile(late, 50), np.percentile(late, 99), late.max()
+    return f"{gaps:6d} {p50:8.0f} {p99:8.0f} {most:9.0f} {used:9.0f}   {faults}"
 
 
-def many(plan, k):
-    """Change the number of many planes, with automatic spacing."""
-    plan.grid.spacing = "auto"
-    plan.grid.n = 40 + 5 * k
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=int, default=60)
+    parser.add_argument("--output", nargs="+", default=["dds", "mcap", "udp"])
+    parser.add_argument("--load", type=int, nargs="+", default=[0, 2], help="processes that compute all the time")
+    parser.add_argument("--send", type=int, nargs=2, metavar=("PORT", "COUNT"), help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.send:
+        fifo(80)
+        send(*given.send)
+        return
+    if missing("cyclone"):
+        raise SystemExit(f"{missing('cyclone')} are not installed")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        calibration = folder / "c.json"
+        save_calibration(
+            small_calibration(patches=(sheet(ROWS, COLUMNS, 0.004),), response=Response((0.0, 0.01), (0.0, 4095.0))),
+            calibration,
+        )
+        reader = build("cyclone", folder)
+        print(f"{given.seconds} s; other processes of this machine: load {os.getloadavg()[0]:.1f}")
+        print("output priority  load   gaps   p50 us   p99 us    max us    CPU us")
+        for busy in given.load:
+            for output in given.output:
+                for is_real_time in (True, False):
+                    with load(busy):
+                        row = measure(folder, calibration, reader, output, is_real_time, 1000 * given.seconds)
+                    name = "real-time" if is_real_time else "normal"
+                    print(f"{output:6} {name:9} {busy:4d} {row}", flush=True)
 
-
-def even(plan, k):
-    """Change the number of planes, with uniform spacing."""
-    plan.grid.spacing = "uniform"
-    plan.grid.n = 6 + k
-
-
-def hand(plan, k):
-    """Move a plane by a tenth of a millimetre."""
-    plan.grid.u[4].point[2] += 0.0001
-
-
-def cut(plan, k):
-    """Move a cut by a tenth of a millimetre."""
-    if not plan.cover.cuts:
-        item = plan.cover.cuts.add()
-        item.point, item.normal = (0.0, 0.0, 0.012), (0.0, 0.0, 1.0)
-    plan.cover.cuts[0].point[2] += 0.0001
-
-
-def tilt(plan, k):
-    """Tilt a plane."""
-    plan.grid.u[4].normal = (0.005 * k, 0, 1)
-
-
-CHANGES = {
-    "rows of the sheet": rows,
-    "direction of the sheet": direction,
-    "u-planes, spacing auto": number,
-    "40 to 95 u-planes, auto": many,
-    "u-planes, spacing uniform": even,
-    "the same with the error": even,
-    "the same with uncertainty": even,
-}
-HEAT = {"the same with the error": "ERROR", "the same with uncertainty": "UNCERTAINTY"}
-CUT = {"a cut moves": cut}
-BY_HAND = {
-    "hand-placed plane moved": hand,
-    "hand-placed plane tilted": tilt,
-}
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -7,12 +7,11 @@ import numpy as np
 
 from skin_calib_addon.messages.packet import Reading
 
-
 CHANNELS = 124  # lines with another number of readings are damaged
 
 
 class Decoder:
-    """Find complete lines in the bytes, and count what is wrong. A line has no checksum: changed digits are not found."""
+    """Find complete lines, and count what is wrong. A line has no checksum: changed digits are not found."""
 
     def __init__(self):
         self.damaged, self.skipped, self._bytes = 0, 0, None

@@ -2,8 +2,9 @@
 
 skin-calib run CALIBRATION --input serial:/dev/ttyACM0 --output dds --decoder examples/decoder_robotiq.py
 
-A frame is 0x9A, a byte that the firmware does not use, a command, the length, and values: one byte with kind and finger, then
-16-bit numbers, high byte first. Frames have no number and no checksum: lost ones cannot be counted, damage only in part.
+A frame is 0x9A, a byte that the firmware does not use, a command, the length, and values: one byte with kind and
+finger, then 16-bit numbers, high byte first. Frames have no number and no checksum: lost ones cannot be counted. A
+frame counts as complete if the next one begins where it ends.
 """
 
 import time
@@ -14,13 +15,13 @@ from skin_calib_addon.messages.packet import Reading
 
 # Of each kind: taxels, dynamic, acceleration, rotation, magnetic field, temperature, time.
 BYTES = {0x1: 56, 0x2: 2, 0x3: 6, 0x4: 6, 0x5: 6, 0x6: 2, 0x7: 8}
-TAXELS = 0x1
+START, TAXELS = 0x9A, 0x1
 
 
 class Decoder:
     """Join the frames of both fingers to a reading."""
 
-    start = bytes((0x9A, 0, 0x58, 1, 1))  # send all values each millisecond
+    start = bytes((START, 0, 0x58, 1, 1))  # send all values each millisecond
 
     def __init__(self):
         self.damaged = self.skipped = self._cycle = 0
@@ -30,15 +31,16 @@ class Decoder:
         """Return the readings that are complete after these bytes."""
         buffer, readings = self._bytes, []
         buffer += data
-        while len(buffer) > 3 and len(buffer) >= 4 + buffer[3]:
-            values = bytes(buffer[4 : 4 + buffer[3]])
-            found = self._fingers_in(values) if buffer[0] == 0x9A else None
+        while len(buffer) > 3 and len(buffer) > (end := 4 + buffer[3]):
+            is_frame = buffer[0] == buffer[end] == START
+            found = self._fingers_in(bytes(buffer[4:end])) if is_frame else None
             if found is None:  # another frame can begin in what follows
-                self.damaged += buffer[0] == 0x9A
-                self.skipped += buffer[0] != 0x9A
+                self.damaged += buffer[0] == START
+                self.skipped += buffer[0] != START
+                self._fingers = {}  # fingers of different readings are never joined
                 del buffer[0]
                 continue
-            del buffer[: 4 + len(values)]
+            del buffer[:end]
             self._fingers |= found
             if len(self._fingers) == 2:
                 readings.append(Reading(time.time(), self._cycle, np.concatenate([self._fingers[k] for k in (0, 1)])))

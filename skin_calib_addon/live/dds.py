@@ -1,4 +1,4 @@
-"""Publish to ROS 2 over DDS with the package ``cyclonedds``: topics, types and quality of service as ROS 2 names them."""
+"""Publish to ROS 2 over DDS with ``cyclonedds``: topics, types and quality of service as ROS 2 names them."""
 
 import os
 from collections.abc import Mapping

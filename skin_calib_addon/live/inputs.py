@@ -12,7 +12,7 @@ from ..messages.packet import Reading
 from ..runtime import Skin
 from ..runtime.modalities import FORCE
 
-# [s] An input without bytes returns after this time. Larger: the program ends later after Ctrl+C; smaller: wakes for nothing.
+# [s] An input without bytes returns after this time. Larger: a later end after Ctrl+C; smaller: it wakes for nothing.
 WAIT = 0.1
 # [bytes] that the system keeps while the program is busy, if it allows so many: 1.6 s of 1260 channels of 16 bits at
 # 1 kHz. Larger: longer interruptions lose no reading, and give old ones.
@@ -87,6 +87,7 @@ class SerialInput:
         self._problem: type[Exception] = serial.SerialException
         try:
             self._port: Any = serial.Serial(device, baud, timeout=WAIT)
+            self._port.write(getattr(decoder, "start", b""))
         except (serial.SerialException, ValueError) as problem:
             raise SkinCalibError(f"cannot read {device} with {baud} baud: {problem}. Check its name") from problem
         self._decoder, self.text = decoder, f"{device}, {baud} baud"
@@ -109,7 +110,7 @@ class FileInput:
 
     def __init__(self, path: Path, skin: Skin):
         recording = read_recording(path, skin)
-        self.notes = recording.notes
+        self.notes: Sequence[str] = recording.notes
         others = read_modalities(path, skin)
         frames = list(recording.frames)
         self._left = [

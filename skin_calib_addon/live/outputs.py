@@ -45,7 +45,7 @@ class McapOutput:
         self.text, self._calibration, self._skin = str(path), calibration, skin
         self._file: McapSkin | None = None
         with self._naming():
-            self._stream = open(path, "xb")
+            self._stream = open(path, "xb")  # noqa: SIM115, closed by close
 
     @contextmanager
     def _naming(self) -> Iterator[None]:

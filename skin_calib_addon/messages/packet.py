@@ -4,6 +4,7 @@ The page "Packets" of the documentation has the format. A decoder for other elec
 """
 
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 from zlib import crc32
@@ -18,9 +19,9 @@ MAGIC, VERSION = b"SKIN", 1  # Contract
 HEADER = struct.Struct("<4sBBHIIQ")
 CRC = struct.Struct("<I")
 BITS = (8, 12, 16)  # Contract: of a reading
-# Packets in a row that are older than the last reading, in their order, from which on they are those of a sender that has
-# started again with the same session. Larger: more readings of such a sender are not used; smaller: many late packets in a
-# row, of which each was sent twice, count as new.
+# Packets in a row that are older than the last reading, in their order, from which on they are those of a sender that
+# has started again with the same session. Larger: more readings of such a sender are not used; smaller: late packets
+# that come a second time count as new.
 OLD_IN_A_ROW = 100
 START = HEADER.size + CRC.size  # Derived: bytes before the readings
 
@@ -31,7 +32,7 @@ class Reading:
 
     time: float  # on the clock of the sender [s]
     cycle: int  # number since the start of the decoder; lost readings and restarts of the sender count
-    values: Array  # (channels,) as the electronics send them
+    values: Array | Mapping[str, Array]  # (channels,) as the electronics send them; or these by their quantities
 
 
 def packet(values: Any, cycle: int, time_us: int, bits: int = 16, session: int = 0) -> bytes:

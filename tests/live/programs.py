@@ -1,4 +1,4 @@
-"""Build independent readers of the messages: C with Cyclone DDS and C++ with Fast DDS, from the IDL that rosidl makes."""
+"""Build independent readers of the messages, in C with Cyclone DDS and in C++ with Fast DDS, from the IDL of rosidl."""
 
 import re
 import shutil
@@ -65,7 +65,17 @@ def build(kind, folder):
             run("idlc", "-l", "c", "-I", folder / "idl", "-o", made, file)
         run("cc", "-O1", "-Wall", "-I", out, HERE / "reader.c", *out.rglob("*.c"), "-o", program, "-lddsc", "-lm")
     else:
-        order = ("Time", "Header", "Point", "Vector3", "Wrench", "SkinContact", "SkinPolygon", "SkinQuantity", "SkinFrame")
+        order = (
+            "Time",
+            "Header",
+            "Point",
+            "Vector3",
+            "Wrench",
+            "SkinContact",
+            "SkinPolygon",
+            "SkinQuantity",
+            "SkinFrame",
+        )
         texts = {file.stem: re.sub("#include .*", "", file.read_text()) for file in files}
         (out / "Skin.idl").write_text("".join(texts[name] for name in order))  # one file compiles faster than nine
         run("fastddsgen", "-replace", "-d", out, out / "Skin.idl")

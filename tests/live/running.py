@@ -58,7 +58,7 @@ def expected(path, readings, lost=None):
 
 
 def flat(message):
-    """Return a message as the readers print it: stamps without nesting, vectors and arrays as lists, numbers as floats."""
+    """Return a message as the readers print it: without nested stamps, arrays as lists, numbers as floats."""
     if isinstance(message, dict):
         out = {}
         for name, value in message.items():
@@ -128,6 +128,14 @@ class Process:
             self.process.wait()
 
 
+def send(port, data, period=0.0):
+    """Send datagrams, a period apart [s]."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for one in data:
+            sender.sendto(one, ("127.0.0.1", port))
+            time.sleep(period)
+
+
 class Run(Process):
     """``skin-calib run`` with UDP packets."""
 
@@ -135,18 +143,11 @@ class Run(Process):
         self.port = free_port()
         command = [sys.executable, "-m", "skin_calib_addon", "run", calibration, "--input", f"udp:{self.port}"]
         super().__init__(folder, "run", *command, "--tare", REST, "--accept", *words, **environment)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.wait_for(lambda self: "priority" in self.err)
 
     def send(self, data, period=0.0):
         """Send datagrams, a period apart [s]."""
-        for one in data:
-            self._socket.sendto(one, ("127.0.0.1", self.port))
-            time.sleep(period)
-
-    def __exit__(self, *words):
-        self._socket.close()
-        super().__exit__(*words)
+        send(self.port, data, period)
 
 
 class Receiver:

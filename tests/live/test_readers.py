@@ -95,7 +95,7 @@ def test_fast_dds_gets_every_frame(calibration, domain, tmp_path):
 
 
 def test_slow_killed_and_restarted_readers_lose_frames_and_disturb_nobody(calibration, cyclone, domain, tmp_path):
-    """A reader with a short history that is slow, one that is killed, a later one: frames are right, cycles show gaps."""
+    """A slow reader with a short history, a killed one, a later one: their frames are right, cycles show the gaps."""
     table = rows(500)
     with (
         Reader(tmp_path, "slow", cyclone, domain, "full", 20, 10) as slow,

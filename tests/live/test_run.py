@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import sys
 import tty
 
@@ -11,7 +10,7 @@ import pytest
 
 from skin_calib_addon.messages import decode, encode
 from skin_calib_addon.messages.mcap_file import RecordedReadings
-from tests.live.running import REST, WAIT, N, Process, Receiver, Run, expected, free_port, packets, rows, sole
+from tests.live.running import REST, WAIT, N, Process, Receiver, Run, expected, free_port, packets, rows, send, sole
 
 mcap_ros2 = pytest.importorskip("mcap_ros2.reader", reason="mcap-ros2-support is not installed")
 
@@ -122,14 +121,11 @@ def test_serial_line_gives_the_same_frames(calibration, tmp_path):
 
 def test_full_disk_ends_with_one_line(calibration, tmp_path):
     """The limit of the size of a file stands for the disk; a file that exists is not replaced, either."""
-    limited = ["sh", "-c", 'ulimit -f 200 && exec "$@"', "sh"]
-    command = [sys.executable, "-m", "skin_calib_addon", "run", calibration, "--input", f"udp:{free_port()}", "--output"]
+    port, limited = free_port(), ["sh", "-c", 'ulimit -f 200 && exec "$@"', "sh"]
+    command = [sys.executable, "-m", "skin_calib_addon", "run", calibration, "--input", f"udp:{port}", "--output"]
     with Process(tmp_path, "run", *limited, *command, "mcap:out.mcap") as run:
         run.wait_for(lambda run: "priority" in run.err)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            port = int(command[-2].partition(":")[2])
-            for one in packets(np.random.default_rng(1).integers(0, 4096, (1500, N)).astype(np.uint16)):
-                sender.sendto(one, ("127.0.0.1", port))
+        send(port, packets(np.random.default_rng(1).integers(0, 4096, (1500, N)).astype(np.uint16)))
         assert run.process.wait(WAIT) == 2
     assert run.err.splitlines()[-1].startswith("skin-calib: cannot write 'out.mcap': File too large.")
     with Process(tmp_path, "again", *command, "mcap:out.mcap") as again:
