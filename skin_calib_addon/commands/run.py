@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..calibration.file import load_calibration
+from ..calibration.model import LinkCalibration
 from ..common.errors import CalibrationFormatError
 from ..common.interruptions import handled
 from ..live.inputs import FileInput, Input, SerialInput, UdpInput
@@ -104,7 +105,7 @@ def run(options: argparse.Namespace) -> int:
             check_target(Path(place.name), options.file, options.noise)
     if options.tare and options.noise:
         options.refuse("--tare and --noise both say what the sensors read at rest; give one of them")
-    skin = load(options.file, noise=options.noise)
+    calibration, skin = load_calibration(options.file), load(options.file, noise=options.noise)
     decoder = Decoder() if options.decoder is None else _decoder(options.decoder)
     stops: list[int] = []
 
@@ -117,15 +118,16 @@ def run(options: argparse.Namespace) -> int:
     with handled(stop, signal.SIGINT, signal.SIGTERM), undisturbed() as priority, ExitStack() as stack:
         given = _input(options.input, skin, decoder)
         stack.callback(given.close)
-        outputs = []
+        outputs: list[Output] = []
         for place in options.output:
-            outputs.append(_output(place, options.file, skin))
+            outputs.append(_output(place, calibration, skin))
             stack.callback(outputs[-1].close)
         for note in given.notes:
             complain(f"warning: {note}")
         complain(f"{given.text} to {', '.join(output.text for output in outputs)}; {priority}")
         status = Status(decoder, outputs)
         run_loop(
+            calibration,
             skin,
             given,
             outputs,
@@ -160,11 +162,11 @@ def _input(place: Place, skin: Skin, decoder: Any) -> Input:
     return FileInput(Path(place.name), skin)
 
 
-def _output(place: Place, file: Path, skin: Skin) -> Output:
+def _output(place: Place, calibration: LinkCalibration, skin: Skin) -> Output:
     if place.kind == "udp":
         return UdpOutput(place.name, place.number, skin)
     if place.kind == "mcap":
-        return McapOutput(Path(place.name), load_calibration(file), skin)
+        return McapOutput(Path(place.name), calibration, skin)
     from ..live.dds import DdsOutput  # cyclonedds is optional
 
-    return DdsOutput(load_calibration(file), skin)
+    return DdsOutput(skin.link)

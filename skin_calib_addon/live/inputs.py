@@ -28,23 +28,22 @@ class Decode(Protocol):
         """Return the readings that are complete after these bytes."""
 
 
-class Input(Protocol):
+class Input:
     """A source of readings."""
 
     text: str  # what it is
-    notes: Sequence[str]  # what a person should know of it
+    notes: Sequence[str] = ()  # what a person should know of it
 
     def read(self) -> list[Reading] | None:
         """Return what has arrived, after ``WAIT`` without bytes nothing, at the end None."""
+        raise NotImplementedError
 
     def close(self) -> None:
         """Close it."""
 
 
-class UdpInput:
+class UdpInput(Input):
     """Receive datagrams at a port of an address of this computer."""
-
-    notes: Sequence[str] = ()
 
     def __init__(self, address: str, port: int, decoder: Decode):
         self._decoder, self._socket = decoder, socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -72,10 +71,8 @@ class UdpInput:
         self._socket.close()
 
 
-class SerialInput:
+class SerialInput(Input):
     """Read a serial line."""
-
-    notes: Sequence[str] = ()
 
     def __init__(self, device: str, baud: int, decoder: Decode):
         try:
@@ -105,12 +102,12 @@ class SerialInput:
         self._port.close()
 
 
-class FileInput:
+class FileInput(Input):
     """Play a recording at its own speed."""
 
     def __init__(self, path: Path, skin: Skin):
         recording = read_recording(path, skin)
-        self.notes: Sequence[str] = recording.notes
+        self.notes = recording.notes
         others = read_modalities(path, skin)
         frames = list(recording.frames)
         self._left = [
@@ -133,6 +130,3 @@ class FileInput:
             if wait > WAIT:
                 return []
         return [self._left.pop()]
-
-    def close(self) -> None:
-        """Do nothing: the file is closed."""

@@ -9,8 +9,12 @@ from contextlib import contextmanager
 from itertools import islice
 from typing import Any
 
+from ..calibration.model import LinkCalibration
 from ..common.arrays import Array
 from ..common.errors import SkinCalibError, counted
+from ..messages.cdr import encode
+from ..messages.content import frame_message, layout_message, reading_message
+from ..messages.mcap_file import TOPICS
 from ..runtime import Frame, Skin
 from ..runtime.modalities import FORCE
 from .inputs import Input
@@ -51,7 +55,7 @@ class Status:
         counts["restarts"] += self.restarts
         words = [f"{name} {count}" for name, count in counts.items() if count]
         words += [f"not sent {o.unsent} ({o.reason})" for o in self._outputs if o.unsent]
-        return ", ".join(words) or "no reading lost"
+        return ", ".join(words) or "no fault counted"
 
     def due(self) -> str | None:
         """Return the report if it is time for one."""
@@ -76,6 +80,7 @@ def _listed(flags: Counter[str]) -> str:
 
 
 def run(
+    calibration: LinkCalibration,
     skin: Skin,
     source: Input,
     outputs: Sequence[Output],
@@ -88,33 +93,20 @@ def run(
 ) -> None:
     """Publish a frame for each reading until the source ends, or the run is stopped.
 
-    Parameters
-    ----------
-    skin : Skin
-        That computes.
-    source : Input
-        Of readings.
-    outputs : sequence of Output
-        All of them get each frame, in this order.
-    status : Status
-        That counts.
-    report : function
-        Of the line that there is each second.
-    is_stopped : function
-        Asked ten times a second or more.
-    rest : int
-        Number of readings at the start with which ``tare`` sets the baseline. They give no frames.
-    tare : function
-        Returns what it learned, as words.
-    by_arrival : bool
-        Whether the time of a reading is that of its arrival on the clock of this computer.
-
-    Raises
-    ------
-    SkinCalibError
-        If the source fails, or ends during the rest.
+    ``report`` gets a line each second, ``is_stopped`` is asked ten times a second. With the first ``rest`` readings,
+    which give no frame, ``tare`` sets the baseline; it returns what it learned, as words. ``by_arrival``: the time of a
+    reading is that of its arrival on the clock of this computer.
     """
-    readings, noise = _readings(source, status, report, is_stopped, by_arrival), object()
+    link, checksum, noise = skin.link, skin.checksum, object()
+    is_recorded = any("reading" in output.topics for output in outputs)
+
+    def publish(topic: str, message: Mapping[str, Any], at: float, cycle: int) -> None:
+        data = encode(TOPICS[topic][0], message)
+        for output in outputs:
+            if topic in output.topics:
+                output.send(topic, data, at, cycle)
+
+    readings = _readings(source, status, report, is_stopped, by_arrival)
     if tare is not None and rest:
         rows = [values[FORCE] for _, _, values in islice(readings, rest)]
         if len(rows) < rest and not is_stopped():
@@ -122,14 +114,14 @@ def run(
         if len(rows) == rest:
             report(tare(rows))
     for cycle, at, values in readings:
-        start = time.perf_counter()
+        start, lost = time.perf_counter(), status.lost
         frame = skin.update(values, at)
         if skin.noise is not noise:  # the layout has its thresholds
             noise = skin.noise
-            for output in outputs:
-                output.layout(at)
-        for output in outputs:
-            output.frame(values, frame, cycle, status.lost)
+            publish("layout", layout_message(calibration, skin, at), at, cycle)
+        publish("frame", frame_message(link, frame, cycle, lost, checksum), at, cycle)
+        for name, row in values.items() if is_recorded else ():
+            publish("reading", reading_message(link, row, at, cycle, lost, checksum, name), at, cycle)
         status.add(frame, time.perf_counter() - start)
 
 

@@ -1,45 +1,39 @@
-"""Where frames go: MCAP files and UDP; ``dds`` has ROS 2."""
+"""Where messages go: MCAP files and UDP; ``dds`` has ROS 2."""
 
 import socket
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
 
 from ..calibration.model import LinkCalibration
-from ..common.arrays import Array
 from ..common.errors import OutputError
-from ..messages.cdr import encode
-from ..messages.content import frame_message
 from ..messages.mcap_file import McapSkin
-from ..runtime import Frame, Skin
+from ..runtime import Skin
 
-# [taxels] Up to so many, frames over UDP have the forces: a datagram has 65 507 bytes at most, a taxel takes 12 to 20.
-# Larger: frames with many contacts are not sent.
-MAX_UDP_FORCES = 3000
+# [taxels] Frames with more of them can be larger than a datagram, 65 507 bytes: 12 bytes for each taxel, and 8 for each
+# other quantity.
+MAX_UDP_TAXELS = 3000
 
 
-class Output(Protocol):
-    """A target of frames."""
+class Output:
+    """A target of messages, in the bytes of ROS 2 (CDR)."""
 
     text: str  # what it is
-    unsent: int  # frames that could not be sent
-    reason: str  # why, of the last one
+    topics: tuple[str, ...] = ("frame",)  # what it wants, see messages.mcap_file.TOPICS
+    unsent = 0  # messages that could not be sent
+    reason = ""  # why, of the last one
 
-    def layout(self, time: float) -> None:
-        """Publish the taxels: before the first frame, and after each change of the noise."""
-
-    def frame(self, readings: Mapping[str, Array], frame: Frame, cycle: int, lost: int) -> None:
-        """Publish a frame, with the readings by their quantities from which it was computed."""
+    def send(self, topic: str, data: bytes, time: float, cycle: int) -> None:
+        """Publish a message of a reading with its time [s] and its number; a layout is the first."""
 
     def close(self) -> None:
         """Complete what was written."""
 
 
-class McapOutput:
+class McapOutput(Output):
     """Write an MCAP file with layout, readings and frames. A file that exists is not replaced."""
 
-    unsent, reason = 0, ""
+    topics = ("layout", "reading", "frame")
 
     def __init__(self, path: Path, calibration: LinkCalibration, skin: Skin):
         self.text, self._calibration, self._skin = str(path), calibration, skin
@@ -56,50 +50,37 @@ class McapOutput:
             advice = "Choose another name or folder, or free disk space"
             raise OutputError(f"cannot write '{self.text}': {problem.strerror}. {advice}") from problem
 
-    def layout(self, time: float) -> None:
-        """Write the taxels."""
+    def send(self, topic: str, data: bytes, time: float, cycle: int) -> None:
+        """Write a message."""
         with self._naming():
-            if self._file is None:
+            if self._file is None:  # it begins with the layout
                 self._file = McapSkin(self._stream, self._calibration, self._skin, time)
             else:
-                self._file.add_layout(time)
-
-    def frame(self, readings: Mapping[str, Array], frame: Frame, cycle: int, lost: int) -> None:
-        """Write readings and frame, after the layout."""
-        assert self._file is not None
-        with self._naming():
-            self._file.add(readings, frame, cycle, lost)
+                self._file.write(topic, data, time, cycle)
 
     def close(self) -> None:
         """Complete the file."""
         with self._naming(), self._stream:
-            if self._file is None:
-                self.layout(0.0)
-            if self._file is not None:
-                self._file.close()
+            (self._file or McapSkin(self._stream, self._calibration, self._skin, 0.0)).close()
 
 
-class UdpOutput:
-    """Send each frame as a datagram: a ``SkinFrame`` in the bytes of ROS 2 (CDR)."""
+class UdpOutput(Output):
+    """Send each frame as a datagram."""
 
     def __init__(self, host: str, port: int, skin: Skin):
-        self._skin, self.unsent, self.reason = skin, 0, ""
-        self._with_forces = len(skin.ids) <= MAX_UDP_FORCES
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.text = f"UDP {host}:{port}"
+        if len(skin.ids) > MAX_UDP_TAXELS:
+            raise OutputError(f"a datagram has no space for a frame of {len(skin.ids)} taxels. Use another output")
         try:
             self._target = (socket.gethostbyname(host), port)
         except OSError as problem:
             raise OutputError(f"unknown host '{host}': {problem}. Check its name") from problem
-        self.text = f"UDP {host}:{port}{'' if self._with_forces else ', without forces: there are too many'}"
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
-    def layout(self, time: float) -> None:
-        """Do nothing: a receiver has the calibration file."""
-
-    def frame(self, readings: Mapping[str, Array], frame: Frame, cycle: int, lost: int) -> None:
-        """Send a frame."""
-        message = frame_message(self._skin.link, frame, cycle, lost, self._skin.checksum, self._with_forces)
+    def send(self, topic: str, data: bytes, time: float, cycle: int) -> None:
+        """Send a message."""
         try:
-            self._socket.sendto(encode("SkinFrame", message), self._target)
+            self._socket.sendto(data, self._target)
         except OSError as problem:
             self.unsent, self.reason = self.unsent + 1, str(problem.strerror)
 

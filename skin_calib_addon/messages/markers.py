@@ -8,6 +8,7 @@ import numpy as np
 from ..calibration.model import LinkCalibration
 from ..common.arrays import Array
 from ..runtime import Frame, Skin
+from .cdr import encode
 from .content import Message, header
 from .mcap_file import TOPICS, TRANSIENT_LOCAL, VOLATILE, McapSkin
 from .scene import CELL_COLOUR, CONTACT_COLOUR, COP_COLOUR, POLYGON_COLOURS, SceneMaker
@@ -48,7 +49,7 @@ class McapView(McapSkin):
         self._maker, self._next = SceneMaker(calibration, skin, tuple(frames)), -np.inf
         self._header = header(skin.link, frames[0].time)
         cells = self._marker("cells", TRIANGLE_LIST, self._maker.cells, CELL_COLOUR, 1.0)
-        self._write("cells", {"markers": [cells]}, 0)
+        self._write("cells", [cells], frames[0].time, 0)
 
     def add(self, readings: Mapping[str, Array], frame: Frame, cycle: int, lost: int = 0) -> None:
         """Write a frame, and its scene if the last one is old enough, or later."""
@@ -65,7 +66,10 @@ class McapView(McapSkin):
         for name, line in scene.polygons.items():
             markers.append(self._marker(name, LINE_STRIP, line, POLYGON_COLOURS[name], width))
         markers.append(self._marker("cop", SPHERE_LIST, scene.cop, COP_COLOUR, 4 * width))
-        self._write("scene", {"markers": [m for m in markers if len(m["points"]) or m["action"]]}, cycle)
+        self._write("scene", [m for m in markers if len(m["points"]) or m["action"]], frame.time, cycle)
+
+    def _write(self, topic: str, markers: list[Message], time: float, cycle: int) -> None:
+        self.write(topic, encode(self.topics[topic][0], {"markers": markers}), time, cycle)
 
     def _marker(self, ns: str, kind: int, points: Any, colour: Any, size: float, **others: Any) -> Message:
         """Return a marker with points (n, 3) [m]; ``size`` is the width of lines, or the diameter of spheres [m]."""

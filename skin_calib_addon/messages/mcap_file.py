@@ -76,15 +76,13 @@ class McapSkin:
     def __init__(self, stream: IO[bytes], calibration: LinkCalibration, skin: Skin, time: float):
         """Write calibration and layout, with the time of the first frame [s]."""
         mcap = _library()
-        self._calibration, self._skin = calibration, skin
         self._link, self._checksum = skin.link, skin.checksum
         self._writer = mcap.writer.Writer(stream, chunk_size=CHUNK_SIZE)
         self._writer.start("ros2", f"skin-calib {__version__}")
         self._channels = {name: self._register(name, *of) for name, of in self.topics.items()}
-        self._time = max(nanoseconds(time), 0)
-        name = f"{skin.link}.calibration.json"
-        self._writer.add_attachment(0, self._time, name, "application/json", encode_json(to_document(calibration)))
-        self.add_layout(time)
+        name, at = f"{skin.link}.calibration.json", max(nanoseconds(time), 0)
+        self._writer.add_attachment(0, at, name, "application/json", encode_json(to_document(calibration)))
+        self.write("layout", encode("TaxelLayout", layout_message(calibration, skin, time)), time, 0)
 
     def _register(self, topic: str, message: str, depth: int, durability: int) -> int:
         kind, text = full_name(message).replace("/", "/msg/"), schema_text(message)
@@ -92,14 +90,10 @@ class McapSkin:
         qos = {"offered_qos_profiles": QOS % (depth, durability)}
         return int(self._writer.register_channel(topic_of(self._link, topic), "cdr", schema, qos))
 
-    def _write(self, topic: str, message: Mapping[str, Any], cycle: int) -> None:
-        data = encode(self.topics[topic][0], message)
-        self._writer.add_message(self._channels[topic], self._time, data, self._time, cycle % 2**32)
-
-    def add_layout(self, time: float) -> None:
-        """Write the layout again, because its thresholds have changed."""
-        self._time = max(nanoseconds(time), 0)  # stamps can be negative, times of MCAP cannot
-        self._write("layout", layout_message(self._calibration, self._skin, time), 0)
+    def write(self, topic: str, data: bytes, time: float, cycle: int) -> None:
+        """Write the bytes of a message on one of the topics, with its time [s]."""
+        at = max(nanoseconds(time), 0)  # stamps can be negative, times of MCAP cannot
+        self._writer.add_message(self._channels[topic], at, data, at, cycle % 2**32)
 
     def add(self, readings: Mapping[str, Array], frame: Frame, cycle: int, lost: int = 0) -> None:
         """Write the readings (channels,) of a cycle by their quantities, and the frame that they gave.
@@ -109,11 +103,11 @@ class McapSkin:
         InvalidReading
             If the time of the frame is not finite, or does not fit into a message.
         """
-        self._time = max(nanoseconds(frame.time), 0)
         for name, reading in readings.items():
             message = reading_message(self._link, reading, frame.time, cycle, lost, self._checksum, name)
-            self._write("reading", message, cycle)
-        self._write("frame", frame_message(self._link, frame, cycle, lost, self._checksum), cycle)
+            self.write("reading", encode("SkinReading", message), frame.time, cycle)
+        message = frame_message(self._link, frame, cycle, lost, self._checksum)
+        self.write("frame", encode("SkinFrame", message), frame.time, cycle)
 
     def close(self) -> None:
         """Complete the file."""

@@ -122,7 +122,7 @@ def test_slow_killed_and_restarted_readers_lose_frames_and_disturb_nobody(calibr
                 assert cycles == sorted(set(cycles)) and all(same(by_cycle[one["cycle"]], one) for one in found)
             assert len(slow.messages("SkinFrame")) < 450 == len(frames)
             assert late.messages("SkinFrame")[0]["cycle"] >= 250
-    assert run.out == "450 frames of 500 readings; no reading lost\n"
+    assert run.out == "450 frames of 500 readings; no fault counted\n"
 
 
 def at_end(reader):

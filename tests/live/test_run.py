@@ -47,7 +47,7 @@ def test_frames_over_udp_and_in_a_file_are_those_of_the_runtime(calibration, tmp
     assert datagrams == frames_in(tmp_path / "out.mcap") == [encode("SkinFrame", f) for f in frames]
     stored = RecordedReadings(tmp_path / "out.mcap", "left-sole", 2**20)
     assert not stored.is_cut and np.array_equal(stored.readings, table[REST:])
-    assert run.out == "150 frames of 200 readings; no reading lost\n"
+    assert run.out == "150 frames of 200 readings; no fault counted\n"
     assert "127.0.0.1" in run.err and "rest: 50 frames" in run.err
 
 
