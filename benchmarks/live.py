@@ -3,9 +3,11 @@
     python -m benchmarks.live [--seconds 60] [--output dds mcap udp]
 
 A sender with real-time priority sends a packet each millisecond. Latency is from the time in the packet to that at
-which an independent reader has the frame: in C with Cyclone DDS, else a socket that gets the frame after the file. It
+which an independent reader has the frame: in C with Cyclone DDS, else a socket that gets the frame before the file. It
 leaves out the first second, in which the program is late after the tare. The load is that of more processes that
-compute all the time. It needs Linux, root, and what `tests/live/programs.py` names.
+compute all the time. Pauses are those of a virtual machine: a process with the highest priority on each processor wakes
+5 ms late or more. The last column leaves out what was sent during a pause or up to twice its length later. It needs
+Linux, root, and what `tests/live/programs.py` names.
 """
 
 import argparse
@@ -16,7 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +26,7 @@ import numpy as np
 from skin_calib_addon.calibration import Response, save_calibration
 from skin_calib_addon.live import dds
 from skin_calib_addon.messages import decode
+from skin_calib_addon.messages.content import seconds
 from skin_calib_addon.messages.packet import packet
 from tests.live.programs import build, missing
 from tests.live.running import Process, Receiver, free_port
@@ -31,8 +34,9 @@ from tests.samples import sheet, small_calibration
 
 ROWS, COLUMNS = 30, 42
 REST = 200
+PROGRAM = [sys.executable, "-m", "benchmarks.live"]
 NORMAL = ["setpriv", "--bounding-set=-sys_nice"]  # without the right to real-time priority
-BUSY = "while True: pass"
+PAUSE = 5_000_000  # [ns] delay from which on the machine has paused; the sender then sends no packets late
 
 
 def fifo(priority: int) -> None:
@@ -51,8 +55,20 @@ def send(port: int, count: int) -> None:
     out, period, start = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), 10**6, time.monotonic_ns()
     for k in range(count):
         time.sleep(max(start + k * period - time.monotonic_ns(), 0) / 1e9)
+        if (late := time.monotonic_ns() - start - k * period) > PAUSE:
+            start += late
         values = quiet[k] if k < REST else pressed[k % 500]
         out.sendto(packet(values, k, time.time_ns() // 1000), ("127.0.0.1", port))
+
+
+def watch(processor: int) -> None:
+    """Print start and length of each pause of a processor [ns]."""
+    os.sched_setaffinity(0, {processor})
+    while True:
+        before = time.time_ns()
+        time.sleep(1e-3)
+        if (late := time.time_ns() - before - 10**6) > PAUSE:
+            print(before, late, flush=True)
 
 
 def processor_time(pid: int) -> float:
@@ -64,7 +80,7 @@ def processor_time(pid: int) -> float:
 @contextmanager
 def load(count: int) -> Iterator[None]:
     """Keep processors busy."""
-    busy = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(count)]
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
     try:
         yield
     finally:
@@ -73,58 +89,65 @@ def load(count: int) -> Iterator[None]:
             one.wait()
 
 
+def received(receiver: Receiver, sender: subprocess.Popen) -> Iterator[tuple[int, int, int]]:
+    """Yield cycle, time in the packet and latency [ns] of each frame until no more come."""
+    receiver.socket.settimeout(2)
+    stamped = []
+    while True:
+        try:
+            stamped.append((receiver.socket.recv(65536), time.time_ns()))
+        except TimeoutError:
+            if sender.poll() is not None:
+                break
+    for data, now in stamped:
+        frame = decode("SkinFrame", data)
+        sent = round(seconds(frame["header"]["stamp"]) * 1e6) * 1000  # packets have microseconds
+        yield frame["cycle"], sent, now - sent
+
+
 def measure(folder: Path, calibration: Path, reader: Path, output: str, is_real_time: bool, frames: int) -> str:
     """Return a row of the table."""
-    port, outputs, domain = free_port(), ["--output", "dds"], str(os.getpid() % 100 + 1)
-    receiver = Receiver()
-    if output != "dds":
-        file = folder / f"{time.time_ns()}.mcap"
-        outputs = ["--output", f"mcap:{file}"] if output == "mcap" else []
-        outputs += ["--output", f"udp:{receiver.port}"]
-    prefix = [] if is_real_time else NORMAL
-    command = [*prefix, sys.executable, "-m", "skin_calib_addon", "run", calibration, "--input", f"udp:{port}"]
-    reading = ["chrt", "-f", 60, reader] if is_real_time else [reader]
-    with (
-        Process(folder, "reader", *reading, domain, "forearm", "short", CYCLONEDDS_URI=dds.LOOPBACK) as listener,
-        Process(folder, "run", *command, "--tare", REST, "--accept", *outputs, ROS_DOMAIN_ID=domain) as run,
-    ):
+    port, domain, receiver = free_port(), str(os.getpid() % 100 + 1), Receiver()
+    outputs = {"dds": ["dds"], "udp": [], "mcap": [f"mcap:{folder / str(time.time_ns())}.mcap"]}[output]
+    outputs += [] if output == "dds" else [f"udp:{receiver.port}"]
+    command = [sys.executable, "-m", "skin_calib_addon", "run", calibration, "--input", f"udp:{port}"]
+    command += ["--tare", REST, "--accept", *(word for one in outputs for word in ("--output", one))]
+    reading = [reader, domain, "forearm", "short"]
+    with ExitStack() as stack:
+        watchers = [Process(folder, f"watch{k}", *PROGRAM, "--watch", k) for k in os.sched_getaffinity(0)]
+        listener = Process(
+            folder, "reader", *(["chrt", "-f", 60] * is_real_time), *reading, CYCLONEDDS_URI=dds.LOOPBACK
+        )
+        run = Process(folder, "run", *([] if is_real_time else NORMAL), *command, ROS_DOMAIN_ID=domain)
+        for process in (*watchers, listener, run):
+            stack.enter_context(process)
         run.wait_for(lambda run: "priority" in run.err)
         assert ("real-time" in run.err) == is_real_time, run.err
         if output == "dds":
             listener.wait_for(lambda listener: "matched" in listener.out)
         before = processor_time(run.process.pid)
-        sender = subprocess.Popen([sys.executable, "-m", "benchmarks.live", "--send", str(port), str(REST + frames)])
-        found = []  # cycle, latency [ns]
+        sender = subprocess.Popen([*PROGRAM, "--send", str(port), str(REST + frames)])
         if output != "dds":
-            receiver.socket.settimeout(2)
             fifo(60) if is_real_time else None
-            with_end = False
-            while not with_end:
-                try:
-                    data, now = receiver.socket.recv(65536), time.time_ns()
-                except TimeoutError:
-                    with_end = sender.poll() is not None
-                    continue
-                head = np.frombuffer(data, "<u4", 2, 4)  # seconds, nanoseconds
-                at = 20 + len("forearm") + 1
-                cycle = int.from_bytes(data[(at := at + -(at - 4) % 8) : at + 8], "little")
-                found.append((cycle, now - int(head[0]) * 10**9 - int(head[1])))
-            assert decode("SkinFrame", data)["cycle"] == cycle
+            found = list(received(receiver, sender))
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         sender.wait()
         time.sleep(1)
         used = (processor_time(run.process.pid) - before) / frames * 1e6
         assert run.stop() == 0
         if output == "dds":
-            lines = [line.split() for line in listener.out.splitlines() if line[:1].isdigit()]
-            found = [(int(cycle), float(late)) for cycle, late in lines]
+            found = [tuple(map(int, line.split())) for line in listener.out.splitlines() if line[:1].isdigit()]
         faults = run.out.partition("; ")[2].strip()
-    cycles, late = np.array([c for c, _ in found]), np.array([n for _, n in found]) / 1e3
-    gaps = frames - len(set(cycles.tolist()))
+    cycles, sent, late = np.array(found).T
     assert (np.diff(cycles) > 0).all()
-    late = late[cycles >= REST + 1000]
-    p50, p99, most = np.percentile(late, 50), np.percentile(late, 99), late.max()
-    return f"{gaps:6d} {p50:8.0f} {p99:8.0f} {most:9.0f} {used:9.0f}   {faults}"
+    pauses = [tuple(map(int, line.split())) for one in watchers for line in one.out.splitlines()]
+    is_measured = is_calm = cycles >= REST + 1000
+    for start, length in pauses:
+        is_calm = is_calm & ((sent < start - 10**7) | (sent > start + 3 * length))
+    p50, p99, most = np.percentile(late[is_measured], (50, 99, 100)) / 1e3
+    calm = np.percentile(late[is_calm], 99) / 1e3
+    gaps = frames - len(cycles)
+    return f"{gaps:6d} {p50:8.0f} {p99:8.0f} {most:9.0f} {used:7.0f} {len(pauses):7d} {calm:9.0f}   {faults}"
 
 
 def main() -> None:
@@ -134,7 +157,11 @@ def main() -> None:
     parser.add_argument("--output", nargs="+", default=["dds", "mcap", "udp"])
     parser.add_argument("--load", type=int, nargs="+", default=[0, 2], help="processes that compute all the time")
     parser.add_argument("--send", type=int, nargs=2, metavar=("PORT", "COUNT"), help=argparse.SUPPRESS)
+    parser.add_argument("--watch", type=int, help=argparse.SUPPRESS)
     given = parser.parse_args()
+    if given.watch is not None:
+        fifo(95)
+        watch(given.watch)
     if given.send:
         fifo(80)
         send(*given.send)
@@ -150,7 +177,7 @@ def main() -> None:
         )
         reader = build("cyclone", folder)
         print(f"{given.seconds} s; other processes of this machine: load {os.getloadavg()[0]:.1f}")
-        print("output priority  load   gaps   p50 us   p99 us    max us    CPU us")
+        print("output priority  load   gaps   p50 us   p99 us    max us  CPU us  pauses  p99 calm")
         for busy in given.load:
             for output in given.output:
                 for is_real_time in (True, False):

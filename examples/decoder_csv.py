@@ -7,7 +7,7 @@ import numpy as np
 
 from skin_calib_addon.messages.packet import Reading
 
-CHANNELS = 124  # lines with another number of readings are damaged
+CHANNELS = 120  # lines with another number of readings are damaged
 
 
 class Decoder:

@@ -10,11 +10,13 @@ from ..messages.definitions import PACKAGE, PRIMITIVES, fields_of
 from ..messages.mcap_file import TOPICS, TRANSIENT_LOCAL, topic_of
 from .outputs import Output
 
-# Only programs of this computer, and no multicast, which a loopback device does not have. CYCLONEDDS_URI replaces it.
+# Only programs of this computer, and no multicast, which a loopback device does not have. A frame is one packet of it,
+# and a packet that gets lost is missed after 5 ms (by default: 100 ms). CYCLONEDDS_URI replaces all of it.
 LOOPBACK = """<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>
-<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>
-<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex><Peers><Peer Address="127.0.0.1"/></Peers></Discovery></Domain>
-</CycloneDDS>"""
+<AllowMulticast>false</AllowMulticast><MaxMessageSize>65500B</MaxMessageSize><FragmentSize>65000B</FragmentSize></General>
+<Internal><HeartbeatInterval min="2ms" minsched="2ms" max="1s">5ms</HeartbeatInterval></Internal><Discovery>
+<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex><Peers>
+<Peer Address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
 BLOCKING_MS = 2  # [ms] for which a slow reader may delay a frame; then this frame is not sent. Larger: longer delays
 
 

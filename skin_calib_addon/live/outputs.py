@@ -54,7 +54,7 @@ class McapOutput(Output):
         """Write a message."""
         with self._naming():
             if self._file is None:  # it begins with the layout
-                self._file = McapSkin(self._stream, self._calibration, self._skin, time)
+                self._file = McapSkin(self._stream, self._calibration, self._skin, time, is_live=True)
             else:
                 self._file.write(topic, data, time, cycle)
 

@@ -24,6 +24,9 @@ from .definitions import PACKAGE, fields_in, fields_of, full_name, schema_text
 
 # [bytes] of a chunk. Larger: smaller files, but a recorder that is killed loses more readings.
 CHUNK_SIZE = 2**20
+# [bytes] of a chunk that is written while the robot runs, with a quick compression: it delays a frame by 0.3 ms instead
+# of 4 ms, and files are 1.8 times as large. Larger: longer delays.
+LIVE_CHUNK_SIZE = 2**17
 # [bytes] Limit of a chunk that is read, compressed or not. It protects the memory. Larger: accepts larger chunks.
 MAX_CHUNK_SIZE = 2**29
 FOREVER = "{sec: 9223372036, nsec: 854775807}"  # Derived: RMW_DURATION_INFINITE
@@ -73,11 +76,12 @@ class McapSkin:
 
     topics = TOPICS
 
-    def __init__(self, stream: IO[bytes], calibration: LinkCalibration, skin: Skin, time: float):
-        """Write calibration and layout, with the time of the first frame [s]."""
+    def __init__(self, stream: IO[bytes], calibration: LinkCalibration, skin: Skin, time: float, is_live: bool = False):
+        """Write calibration and layout, with the time of the first frame [s]; short delays if it is live."""
         mcap = _library()
         self._link, self._checksum = skin.link, skin.checksum
-        self._writer = mcap.writer.Writer(stream, chunk_size=CHUNK_SIZE)
+        kinds, size = mcap.writer.CompressionType, LIVE_CHUNK_SIZE if is_live else CHUNK_SIZE
+        self._writer = mcap.writer.Writer(stream, size, kinds.LZ4 if is_live else kinds.ZSTD)
         self._writer.start("ros2", f"skin-calib {__version__}")
         self._channels = {name: self._register(name, *of) for name, of in self.topics.items()}
         name, at = f"{skin.link}.calibration.json", max(nanoseconds(time), 0)

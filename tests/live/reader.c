@@ -165,9 +165,9 @@ int main(int count, char** words) {
             struct timespec now;
             clock_gettime(CLOCK_REALTIME, &now);
             if (info.valid_data && is_full) print_frame(f);
-            if (info.valid_data && !is_full)
-                printf("%" PRIu64 " %.0f\n", f->cycle,
-                       1e9 * (double)(now.tv_sec - f->header.stamp.sec) + (double)now.tv_nsec - f->header.stamp.nanosec);
+            const int64_t sent = f->header.stamp.sec * INT64_C(1000000000) + f->header.stamp.nanosec;
+            const int64_t late = now.tv_sec * INT64_C(1000000000) + now.tv_nsec - sent;
+            if (info.valid_data && !is_full) printf("%" PRIu64 " %" PRId64 " %" PRId64 "\n", f->cycle, sent, late);
             dds_return_loan(frames, &sample, 1);
             sample = NULL;
             if (delay) dds_sleepfor(DDS_MSECS(delay));

@@ -2,12 +2,18 @@
 
 import ast
 import contextlib
+import os
 import re
 import runpy
 import shlex
 import shutil
+import signal
+import subprocess
+import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
+from subprocess import PIPE
 
 import numpy as np
 import pytest
@@ -19,7 +25,8 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCS, PACKAGE = ROOT / "docs", ROOT / "skin_calib_addon"
 TROUBLES = DOCS / "troubleshooting.md"
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
-WITH_COMMANDS = [page for page in PAGES[1:] if "```sh\nskin-calib" in page.read_text("utf-8")]
+LIVE = DOCS / "how-to" / "ros2.md"  # a command of it ends by a signal
+WITH_COMMANDS = [page for page in PAGES[1:] if page != LIVE and "```sh\nskin-calib" in page.read_text("utf-8")]
 # Codes that are put together from parts.
 PATTERNS = {
     "duplicate-{name}": {"duplicate-channel", "duplicate-label"},
@@ -170,6 +177,31 @@ def test_commands_of_the_pages_run(page, after_readme, tmp_path, monkeypatch, ca
     monkeypatch.chdir(tmp_path / "fresh")
     shown = run_page(page, capsys)
     assert page.parent.name != "tutorial" or shown > 1
+
+
+@pytest.mark.slow
+def test_commands_of_the_live_page_run(after_readme, tmp_path):
+    """Each in a shell, as it stands; ``run`` goes on while the next one does, and ends by Ctrl+C."""
+    pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: pip install 'skin-calib[live]'")
+    folder, path = tmp_path / "fresh", os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
+    shutil.copytree(after_readme, folder)
+    environment = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT), "ROS_DOMAIN_ID": str(os.getpid() % 100 + 1)}
+    shell = partial(subprocess.Popen, cwd=folder, env=environment, text=True, stdout=PIPE, stderr=PIPE)
+    blocks, running = re.findall(r"```sh\n(.*?)```", LIVE.read_text("utf-8"), re.DOTALL), None
+    for block in blocks:
+        if "skin-calib run" in block:
+            running = shell(shlex.split(block))
+            assert "priority" in running.stderr.readline()
+            continue
+        done = shell(["bash", "-c", block])
+        out, err = done.communicate()
+        assert done.returncode == 0, err
+        if running is not None:
+            sent = re.fullmatch(r"(\d+) packets sent\n", out).group(1)
+            running.send_signal(signal.SIGINT)
+            assert running.communicate()[0].startswith(f"{sent} frames of {sent} readings") and running.returncode == 0
+            running = None
+    assert f"frames           {sent}, " in out and "warning" not in err
 
 
 @pytest.mark.parametrize("page", ["reference/window.md", "tutorial/blender.md", "how-to/planes.md", "how-to/boards.md"])
