@@ -29,7 +29,7 @@ from skin_calib_addon.messages import decode
 from skin_calib_addon.messages.content import seconds
 from skin_calib_addon.messages.packet import packet
 from tests.live.programs import build, missing
-from tests.live.running import Process, Receiver, free_port
+from tests.live.running import Process, Receiver, free_domain, free_port
 from tests.samples import sheet, small_calibration
 
 ROWS, COLUMNS = 30, 42
@@ -107,13 +107,14 @@ def received(receiver: Receiver, sender: subprocess.Popen) -> Iterator[tuple[int
 
 def measure(folder: Path, calibration: Path, reader: Path, output: str, is_real_time: bool, frames: int) -> str:
     """Return a row of the table."""
-    port, domain, receiver = free_port(), str(os.getpid() % 100 + 1), Receiver()
+    port, receiver = free_port(), Receiver()
     outputs = {"dds": ["dds"], "udp": [], "mcap": [f"mcap:{folder / str(time.time_ns())}.mcap"]}[output]
     outputs += [] if output == "dds" else [f"udp:{receiver.port}"]
     command = [sys.executable, "-m", "skin_calib_addon", "run", calibration, "--input", f"udp:{port}"]
     command += ["--tare", REST, "--accept", *(word for one in outputs for word in ("--output", one))]
-    reading = [reader, domain, "forearm", "short"]
     with ExitStack() as stack:
+        domain = stack.enter_context(free_domain())
+        reading = [reader, domain, "forearm", "short"]
         watchers = [Process(folder, f"watch{k}", *PROGRAM, "--watch", k) for k in os.sched_getaffinity(0)]
         listener = Process(
             folder, "reader", *(["chrt", "-f", 60] * is_real_time), *reading, CYCLONEDDS_URI=dds.LOOPBACK

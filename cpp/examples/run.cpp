@@ -2,8 +2,8 @@
 //
 //     run CALIBRATION NOISE INPUT_PORT OUTPUT_PORT
 //
-// Both ports are of 127.0.0.1. The page "Packets" of the documentation has the format of what comes in. What goes out are
-// the bytes of ROS 2 (CDR). Ctrl+C and SIGTERM end the loop; then it prints what it has counted.
+// Both ports are of 127.0.0.1. The page "Packets" of the documentation has the format of what comes in. What goes out
+// are the bytes of ROS 2 (CDR). Ctrl+C and SIGTERM end the loop; then it prints what it has counted.
 #include <arpa/inet.h>
 #include <csignal>
 #include <cstdio>
@@ -62,7 +62,8 @@ struct Decoder {
             ++damaged;
             return false;
         }
-        if (!is_next(static_cast<std::uint32_t>(number(bytes + 8, 4)), static_cast<std::uint32_t>(number(bytes + 12, 4))))
+        if (!is_next(static_cast<std::uint32_t>(number(bytes + 8, 4)),
+                     static_cast<std::uint32_t>(number(bytes + 12, 4))))
             return false;
         time = static_cast<double>(number(bytes + 16, 8)) / 1e6;
         values.resize(channels);
@@ -150,8 +151,7 @@ void write(Cdr& out, const Polygon& polygon, std::optional<double> probability) 
 void write(Cdr& out, const Skin& skin, const Frame& frame, std::uint64_t cycle, std::uint64_t lost) {
     const Calibration& calibration = skin.geometry.calibration;
     const double whole = std::floor(frame.time);
-    const auto nanoseconds =
-        static_cast<std::int64_t>(whole) * 1000000000 + std::llround((frame.time - whole) * 1e9);
+    const auto nanoseconds = static_cast<std::int64_t>(whole) * 1000000000 + std::llround((frame.time - whole) * 1e9);
     out.clear();
     out << static_cast<std::int32_t>(nanoseconds / 1000000000) << static_cast<std::uint32_t>(nanoseconds % 1000000000);
     out << calibration.link << cycle << lost << calibration.checksum;

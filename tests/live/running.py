@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from tests.soles import sole_patch
 
 N, REST = 42, 50
 ROOT = Path(__file__).parents[2]
+LOCKS = 6000  # port of the first lock of a DDS domain
 WAIT = 60  # [s] for what must happen; a failure takes so long
 
 
@@ -85,6 +87,17 @@ def free_port():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
+
+
+@contextmanager
+def free_domain():
+    """Yield a DDS domain that no other test uses now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as lock:
+        for number in range(1, 100):  # ports of higher domains are those of other programs
+            with suppress(OSError):
+                lock.bind(("127.0.0.1", LOCKS + number))
+                break
+        yield str(number)
 
 
 class Process:

@@ -1,14 +1,13 @@
 """Independent readers of DDS get every frame equal to what the runtime computes, to the last digit."""
 
 import json
-import os
 import signal
 
 import pytest
 
 from skin_calib_addon.live import dds
 from tests.live.programs import INSTALL, INSTALL_FAST, build, missing
-from tests.live.running import REST, Process, Run, expected, packets, rows, same, sole
+from tests.live.running import REST, Process, Run, expected, free_domain, packets, rows, same, sole
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: pip install 'skin-calib[live]'")
 CYCLONE, FAST = missing("cyclone"), missing("fast")
@@ -18,8 +17,9 @@ PERIOD = 0.004  # [s] of the readings
 
 @pytest.fixture(scope="module")
 def domain():
-    """Return a DDS domain for this process."""
-    return str(os.getpid() % 100 + 1)  # ports of higher domains are those of other programs
+    """Keep a DDS domain for these tests."""
+    with free_domain() as number:
+        yield number
 
 
 @pytest.fixture(scope="module")

@@ -20,6 +20,7 @@ import pytest
 
 from skin_calib_addon import cli
 from skin_calib_addon.common import errors
+from tests.live.running import free_domain
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS, PACKAGE = ROOT / "docs", ROOT / "skin_calib_addon"
@@ -179,13 +180,20 @@ def test_commands_of_the_pages_run(page, after_readme, tmp_path, monkeypatch, ca
     assert page.parent.name != "tutorial" or shown > 1
 
 
+@pytest.fixture
+def domain():
+    """Keep a DDS domain for a test."""
+    with free_domain() as number:
+        yield number
+
+
 @pytest.mark.slow
-def test_commands_of_the_live_page_run(after_readme, tmp_path):
+def test_commands_of_the_live_page_run(after_readme, domain, tmp_path):
     """Each in a shell, as it stands; ``run`` goes on while the next one does, and ends by Ctrl+C."""
     pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: pip install 'skin-calib[live]'")
     folder, path = tmp_path / "fresh", os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
     shutil.copytree(after_readme, folder)
-    environment = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT), "ROS_DOMAIN_ID": str(os.getpid() % 100 + 1)}
+    environment = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT), "ROS_DOMAIN_ID": domain}
     shell = partial(subprocess.Popen, cwd=folder, env=environment, text=True, stdout=PIPE, stderr=PIPE)
     blocks, running = re.findall(r"```sh\n(.*?)```", LIVE.read_text("utf-8"), re.DOTALL), None
     for block in blocks:
