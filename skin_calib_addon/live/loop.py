@@ -115,6 +115,8 @@ def run(
             report(tare(rows))
     for cycle, at, values in readings:
         start, lost = time.perf_counter(), status.lost
+        for name in sorted(skin.modalities.keys() - values.keys()) if status.frames == 0 else ():
+            report(f"warning: the readings have no {name}, which the calibration has")
         frame = skin.update(values, at)
         if skin.noise is not noise:  # the layout has its thresholds
             noise = skin.noise

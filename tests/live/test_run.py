@@ -99,7 +99,7 @@ def test_readings_of_the_wrong_length_are_published_as_unknown(calibration, tmp_
 
 
 def test_serial_line_gives_the_same_frames(calibration, tmp_path):
-    """A pseudo terminal, with a truncated packet and garbage between."""
+    """A pseudo terminal, with a truncated packet and garbage between; a pulled cable is named."""
     pytest.importorskip("serial", reason="pyserial is not installed")
     table, (ours, theirs) = rows(120), os.openpty()
     tty.setraw(theirs)
@@ -112,11 +112,11 @@ def test_serial_line_gives_the_same_frames(calibration, tmp_path):
         for one in [*data[:80], data[80][:50], b"noise", *data[81:]]:
             os.write(ours, one)
         datagrams = receiver.get(119 - REST)
-        assert run.stop() == 0
-    os.close(ours), os.close(theirs)
+        os.close(theirs), os.close(ours)  # the cable is pulled out
+        assert run.process.wait(WAIT) == 1
     _, frames = expected(calibration, readings_of(table, [k for k in range(120) if k != 80]))
     assert datagrams == [encode("SkinFrame", f) for f in frames]
-    assert "lost 1, damaged 1, skipped " in run.out
+    assert "3000000 baud: " in (last := run.err.splitlines()[-1]) and last.endswith("Check the cable, and start again")
 
 
 def test_full_disk_ends_with_one_line(calibration, tmp_path):

@@ -294,6 +294,10 @@ def test_a_circle_is_found(tmp_path):
         ("from skin_calib_addon.runtime import load; load(PATH)", "scipy trimesh matplotlib bpy"),
         ("from skin_calib_addon.cli import build_parser; build_parser(())", "numpy matplotlib bpy"),
         ("from skin_calib_addon.cli import build_parser; build_parser(['check'])", "scipy trimesh matplotlib bpy"),
+        (
+            "from skin_calib_addon.cli import build_parser; build_parser(['run'])",
+            "scipy trimesh mcap cyclonedds serial",
+        ),
         ("import skin_calib_addon.commands.fit", "scipy.optimize scipy.interpolate trimesh matplotlib bpy"),
     ],
 )

@@ -6,16 +6,18 @@ import socket
 import struct
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from skin_calib_addon.calibration import Modality, ResponseTable, load_calibration, save_calibration
 from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import OutputError, SkinCalibError
 from skin_calib_addon.live import FileInput, UdpOutput
 from skin_calib_addon.live.loop import Status
 from skin_calib_addon.runtime import Skin, load
-from tests.live.running import REST, ROOT, N, rows, sole
+from tests.live.running import REST, ROOT, N, free_port, rows, sole
 from tests.samples import sheet, small_calibration
 
 pytest.importorskip("mcap", reason="mcap is not installed: pip install 'skin-calib[live]'")
@@ -92,6 +94,16 @@ def test_rest_that_is_pressed_is_refused(calibration, tmp_path, capsys):
     out.unlink()
     assert main([*words, "61", "--accept"]) == 1
     assert "the input ended after 60 of the 61 readings at rest. Use fewer" in capsys.readouterr().err
+
+
+def test_missing_modality_is_named_once(calibration, tmp_path, capsys):
+    """A calibration with proximity, readings of force alone."""
+    npz, path = tmp_path / "r.npz", tmp_path / "near.calibration.json"
+    near = Modality("proximity", "m", ResponseTable((0.0, 4000.0), (0.2, 0.0)))
+    save_calibration(replace(load_calibration(calibration), modalities=(near,)), path)
+    np.savez(npz, time=0.001 * np.arange(60), readings=rows(60))
+    assert main(["run", str(path), "--input", f"mcap:{npz}", "--output", f"udp:{free_port()}"]) == 0
+    assert capsys.readouterr().err.count("warning: the readings have no proximity, which the calibration has\n") == 1
 
 
 def test_times_of_arrival_replace_those_of_the_sender(calibration, recording, tmp_path):
