@@ -3,6 +3,7 @@
 import argparse
 import runpy
 import signal
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -36,7 +37,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=named_path, metavar="CALIBRATION", help="calibration file")
     parser.add_argument(
         "--input",
-        type=source,
+        type=place_of("udp:PORT", "serial:DEVICE", "mcap:FILE"),
         required=True,
         metavar="INPUT",
         help="udp:PORT or udp:ADDRESS:PORT (of this computer; default: 127.0.0.1), serial:DEVICE or serial:DEVICE:BAUD "
@@ -44,7 +45,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--output",
-        type=target,
+        type=place_of("dds", "mcap:FILE", "udp:HOST:PORT"),
         action="append",
         required=True,
         metavar="OUTPUT",
@@ -69,34 +70,24 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def source(text: str) -> Place:
-    """Parse an input."""
-    kind, _, name = text.partition(":")
-    if kind == "mcap" and name:
+def place_of(*forms: str) -> Callable[[str], Place]:
+    """Return a parser of an input or output that has one of these forms, such as ``mcap:FILE``."""
+    has_name = {form.partition(":")[0]: ":" in form for form in forms}
+
+    def parsed(text: str) -> Place:
+        kind, _, name = text.partition(":")
+        if has_name.get(kind) is not bool(name):
+            raise argparse.ArgumentTypeError(f"{text!r} is not {', '.join(forms[:-1])} or {forms[-1]}")
+        before, _, last = name.rpartition(":")
+        if kind == "serial":
+            return Place(kind, before, int(last)) if before and last.isdecimal() else Place(kind, name, BAUD)
+        if kind == "udp":
+            if not last.isdecimal() or not 0 < int(last) < 2**16:
+                raise argparse.ArgumentTypeError(f"{text!r} does not end with a port, 1 to 65535")
+            return Place(kind, before or LOCAL, int(last))
         return Place(kind, name)
-    if kind == "serial" and name:
-        device, _, baud = name.rpartition(":")
-        return Place(kind, device, int(baud)) if device and baud.isdecimal() else Place(kind, name, BAUD)
-    if kind == "udp":
-        return _udp(text, name)
-    raise argparse.ArgumentTypeError(f"{text!r} is not udp:PORT, serial:DEVICE or mcap:FILE")
 
-
-def target(text: str) -> Place:
-    """Parse an output."""
-    kind, _, name = text.partition(":")
-    if text == "dds" or (kind == "mcap" and name):
-        return Place(kind, name)
-    if kind == "udp":
-        return _udp(text, name)
-    raise argparse.ArgumentTypeError(f"{text!r} is not dds, mcap:FILE or udp:HOST:PORT")
-
-
-def _udp(text: str, name: str) -> Place:
-    host, _, port = name.rpartition(":")
-    if not port.isdecimal() or not 0 < int(port) < 2**16:
-        raise argparse.ArgumentTypeError(f"{text!r} does not end with a port, 1 to 65535")
-    return Place("udp", host or LOCAL, int(port))
+    return parsed
 
 
 def run(options: argparse.Namespace) -> int:
