@@ -17,6 +17,7 @@ LOOPBACK = """<CycloneDDS><Domain><General><Interfaces><NetworkInterface address
 <Internal><HeartbeatInterval min="2ms" minsched="2ms" max="1s">5ms</HeartbeatInterval></Internal><Discovery>
 <ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex><Peers>
 <Peer Address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
+MAX_DOMAIN = 232  # Derived: the ports of higher ones do not exist
 BLOCKING_MS = 2  # [ms] for which a slow reader may delay a frame; then this frame is not sent. Larger: longer delays
 
 
@@ -61,7 +62,10 @@ class DdsOutput(Output):
     def __init__(self, link: str):
         dds = _library()
         self._problem = dds.core.DDSException
-        number, is_local = int(os.environ.get("ROS_DOMAIN_ID") or 0), "CYCLONEDDS_URI" not in os.environ
+        text, is_local = os.environ.get("ROS_DOMAIN_ID") or "0", "CYCLONEDDS_URI" not in os.environ
+        if not text.isdecimal() or int(text) > MAX_DOMAIN:
+            raise SkinCalibError(f"ROS_DOMAIN_ID is {text!r}. Set a number from 0 to {MAX_DOMAIN}")
+        number = int(text)
         try:
             self._domain = dds.domain.Domain(number, LOOPBACK) if is_local else None
             participant = dds.domain.DomainParticipant(number)

@@ -150,6 +150,19 @@ def test_missing_packages_are_named(calibration, capsys, monkeypatch, package, w
     assert "pip install 'skin-calib[live]'" in err and err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    "variable", [{"ROS_DOMAIN_ID": "seven"}, {"ROS_DOMAIN_ID": "233"}, {"CYCLONEDDS_URI": "<wrong"}]
+)
+def test_wrong_settings_of_dds_are_named(calibration, capfd, monkeypatch, variable):
+    """The variable of the environment is in the message."""
+    pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: pip install 'skin-calib[live]'")
+    ((name, value),) = variable.items()
+    monkeypatch.setenv(name, value)
+    assert main(["run", str(calibration), "--input", f"udp:{free_port()}", "--output", "dds"]) == 1
+    (line,) = [one for one in capfd.readouterr().err.splitlines() if one.startswith("skin-calib")]
+    assert name in line
+
+
 def test_port_that_is_in_use_is_named(calibration, capsys):
     """And nothing is waited for."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
