@@ -41,11 +41,11 @@ def recording(calibration):
 
 
 def contents(path):
-    """Return topic and bytes of each message of a file, topic by topic."""
+    """Return topic and bytes of each message of a file, topic by topic, without those for a view."""
     from mcap.reader import make_reader
 
     with open(path, "rb") as stream:
-        found = [(c.topic, m.data) for _, c, m in make_reader(stream).iter_messages()]
+        found = [(c.topic, m.data) for s, c, m in make_reader(stream).iter_messages() if "skin_calib_msgs" in s.name]
     return sorted(found, key=lambda one: ("layout", "reading", "frame").index(one[0].rpartition("/")[2]))
 
 
