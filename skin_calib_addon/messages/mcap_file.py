@@ -216,7 +216,7 @@ class RecordedReadings:
                             wanted[record.id] = schema.name
                     elif isinstance(record, mcap.records.Message) and record.channel_id in wanted:
                         kind = wanted[record.channel_id]
-                        yield kind, decode(kind.replace("/msg/", "/"), record.data)
+                        yield kind, decode(kind.replace("/msg/", "/").removeprefix(f"{PACKAGE}/"), record.data)
         except mcap.exceptions.EndOfFile:
             self.is_cut = True
         except CalibrationFormatError as problem:

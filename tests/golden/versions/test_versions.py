@@ -18,7 +18,7 @@ HERE = Path(__file__).parent
 FILES = {  # by version, the SHA-256 of its file
     1: "5c574a156d36e537c1868582c25eeb4acf6e85e17f86999e16db6127f348249b",
     2: "cf50b134e9c8f9b5422c23a8c55b06921a4f3328afa0b5688b76164f940d9de7",
-    3: "537f72e65771eb2b78532ce3d48ad0ad8ce971dd6d62fda03f2b476984fc7773",
+    3: "18f57643e3e7ce81df3b6010f3706d64bcfb3928adad04607e0cbb7c63dee9fc",
 }
 FITTED = {  # files of older versions that the program of then fitted to samples
     "1.sheet": "aaf3827a8102660a3bb3d7fcbe86b4ffa0fab1624bc1551f519251a698e34c88",
@@ -72,6 +72,7 @@ def numbers(calibration):
                 **t.quality,
                 **({"sigma": t.sigma} if len(t.sigma) else {}),
                 **({"registration": _json(asdict(patch.registration))} if patch.registration else {}),
+                **({"touches": _json(asdict(patch.touches))} if patch.touches else {}),
             }.items()
         }
     if calibration.warnings:
