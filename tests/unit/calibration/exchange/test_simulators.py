@@ -25,11 +25,12 @@ def warp():
     return pytest.importorskip("mujoco_warp", reason=f"MuJoCo Warp {INSTALL}")
 
 
-def forces(warp, model, data):
-    """Return the forces of the touch sensors [N]: of MuJoCo, and of MuJoCo Warp with the tolerance that it can have."""
+def forces(warp, model, data, tolerance=0.0):
+    """Return the forces of the touch sensors [N], of MuJoCo and of MuJoCo Warp; None keeps the tolerance of Warp."""
     mujoco.mj_forward(model, data)
     on_device, state = warp.put_model(model), warp.put_data(model, data, nconmax=500, njmax=4000)
-    on_device.opt.tolerance.fill_(0.0)
+    if tolerance is not None:
+        on_device.opt.tolerance.fill_(tolerance)
     warp.forward(on_device, state)
     assert int(state.nacon.numpy()[0]) == data.ncon and not state.overflow.numpy().any()
     touch = model.sensor_adr[model.sensor_type == mujoco.mjtSensor.mjSENS_TOUCH]
@@ -79,9 +80,8 @@ def test_warp_has_the_forces_of_a_robot(warp, robot, capsys):
     np.testing.assert_allclose(found, expected, rtol=0, atol=SINGLE)
 
 
-def test_warp_has_the_forces_of_a_plate_to_its_precision(warp):
-    """A plate has up to 94 contacts at the rims of cells. The normals of Warp deviate by up to 1e-4 rad."""
-    calibration = test_export_mujoco.sole()
+def plate_on(calibration, rows):
+    """Yield a model and its data with a plate that presses on some taxels, one after the other."""
     spec, taxels = mujoco.MjSpec.from_string(FORMATS["mjcf"].write(calibration).decode()), taxels_of(calibration)
     plate = spec.worldbody.add_body(name="plate")
     plate.add_freejoint()
@@ -89,9 +89,15 @@ def test_warp_has_the_forces_of_a_plate_to_its_precision(warp):
     spec.option.gravity = [0, 0, 0]
     model = spec.compile()
     data, turn = mujoco.MjData(model), np.zeros(4)
-    for row in (0, 78, 130):
+    for row in rows:
         mujoco.mju_quatZ2Vec(turn, taxels.normals[row])
         data.qpos[:] = [*(taxels.positions[row] + (0.01 - DEPTH) * taxels.normals[row]), *turn]
+        yield model, data
+
+
+def test_warp_has_the_forces_of_a_plate_to_its_precision(warp):
+    """A plate has up to 94 contacts at the rims of cells. The normals of Warp deviate by up to 1e-4 rad."""
+    for model, data in plate_on(test_export_mujoco.sole(), (0, 78, 130)):
         expected, found = forces(warp, model, data)
         assert data.ncon > 20 and expected.sum() > 0.7
         np.testing.assert_allclose(found, expected, rtol=0, atol=4e-4 * expected.sum())
