@@ -94,7 +94,7 @@ class Placement:
         size = float(np.sqrt(self.patch.taxels.areas.mean()))
         offsets = np.where(self._is_there[:, None], self.offsets[:, :2], FAR)
         cells = Evidence.of_cells(self.patch, self.rows, offsets, self.planned, novelty(offsets, size))
-        axes, centroids, borders = _felt_by_several(self.patch, self.rows, self.readings)
+        axes, centroids, borders = felt_by_several(self.patch, self.rows, self.readings)
         return replace(cells, axes=axes, centroids=centroids, borders=borders)
 
     @cached_property
@@ -310,15 +310,16 @@ def _placement(
     )
 
 
-def _felt_by_several(patch: Patch, rows: IntArray, readings: Array) -> tuple[Array, Array, Array]:
+def felt_by_several(patch: Patch, rows: IntArray, readings: Array) -> tuple[Array, Array, Array]:
     """Return axes, centroids and borders of `Evidence` for touches with readings (m, n)."""
     axes, centroids, borders = np.zeros((len(rows), 2, 2)), np.zeros((len(rows), 2)), np.zeros((len(rows), 2))
     if readings.shape[1] == 0:
         return axes, centroids, borders
-    flat = flat_places(patch, patch.taxels.index)
+    taxels, is_flat = patch.taxels, patch.kind != "imported"
+    flat = flat_places(patch, taxels.index)
     pitch = np.array((patch.pitch[1], patch.pitch[0]) if patch.kind == "sheet" else (patch.pitch[0],) * 2)
     for k, (row, felt) in enumerate(zip(rows.tolist(), readings)):
-        arms = flat - flat[row]
+        arms = flat - flat[row] if is_flat else (taxels.positions_link - taxels.positions_link[row]) @ taxels.axes_link[row].T
         near = (((arms / pitch) ** 2).sum(axis=1) < NEAR_CELLS**2) & (felt > MIN_READING * felt[row])
         if near.sum() < 2:
             continue

@@ -26,7 +26,7 @@ MAY_IMPORT = {
     "skin": ("geometry", *(f"calibration.{m}" for m in ("model", "exchange.taxel_set"))),
     "runtime": FILE,
     "messages": ("", *FILE, "runtime"),
-    "validation": FILE,
+    "validation": (*FILE, *(f"robot.{m}" for m in ("urdf", "kinematics"))),
     "plan": CORE,
     "robot": (*CORE, "plan"),
     "pipeline": (*CORE, "", "validation", "plan", "robot"),

@@ -1,0 +1,97 @@
+"""Calibrations whose skins are where touches of a robot on itself show them."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..calibration.model import LinkCalibration, Patch, Registration
+from ..common.arrays import Array, tangential
+from ..common.warnings import point_of
+from ..geometry.blas_threads import one_blas_thread
+from ..geometry.surface.footpoints import footpoints
+from ..skin.uncertainty import MAX_DIRECTION_UNCERTAINTY, MIN_ORIGIN_UNCERTAINTY
+from ..validation.flat import flat_places, link_point
+from ..validation.self_touch import SelfTouch
+from .calibrate import surface_of
+
+
+@one_blas_thread()
+def moved_skins(found: SelfTouch, calibrations: Mapping[str, LinkCalibration]) -> dict[str, LinkCalibration]:
+    """Return the calibrations of the touched links, with their skins moved, and the uncertainties from the touches."""
+    patches: dict[str, list[Patch]] = {}
+    for k, (link, _) in enumerate(found.model.session.patches):
+        if found.of_patch(k):
+            patches.setdefault(link, []).append(_moved(found, k, calibrations[link]))
+    return {link: replace(calibrations[link], patches=tuple(now)) for link, now in patches.items()}
+
+
+def _moved(found: SelfTouch, k: int, calibration: LinkCalibration) -> Patch:
+    """Return a patch that is moved as a rigid body if it is imported, and along its surface otherwise."""
+    patch = found.model.session.patches[k][1]
+    taxels, (steps, covariances) = patch.taxels, found.displacements(k)
+    uv, points = taxels.uv, taxels.positions_link + steps
+    surface = next((surface_of(model) for model in calibration.surfaces if model.name == patch.surface), None)
+    vector = found.rotation(k)
+    if patch.kind == "imported" or surface is None:
+        turns = np.tile(Rotation.from_rotvec(vector).as_matrix(), (len(points), 1, 1))
+    else:
+        heights = ((taxels.positions_link - surface.points(uv)) * taxels.normals_link).sum(axis=1)
+        before = surface.normals(uv)
+        uv, _ = footpoints(surface, points)
+        now = surface.normals(uv)
+        points = surface.points(uv) + heights[:, None] * now
+        turns = (Rotation.from_rotvec(vector[2] * now) * _between(before, now)).as_matrix()
+    normals, tangents = (np.einsum("nij,nj->ni", turns, v) for v in (taxels.normals_link, taxels.tangents_link))
+    arms = taxels.corners_link - taxels.positions_link[:, None]
+    moved = replace(
+        taxels,
+        uv=uv,
+        positions_link=points,
+        normals_link=normals,
+        tangents_link=tangential(tangents, normals),
+        corners_link=points[:, None] + arms @ np.swapaxes(turns, 1, 2),
+        sigma=_sigma(patch, covariances),
+    )
+    return _with_registration(replace(patch, taxels=moved), found, k)
+
+
+def _sigma(patch: Patch, covariances: Array) -> Array:
+    """Return the uncertainties of taxels with those of the touches (n, 3, 3) instead of those of the registration."""
+    taxels, old = patch.taxels, patch.registration
+    if not len(taxels.sigma):
+        return taxels.sigma
+    sigma = taxels.sigma.copy()
+    before = np.zeros(len(sigma))
+    if old is not None:
+        squares = ((taxels.positions_link - old.anchor) ** 2).sum(axis=1)
+        before = old.origin**2 + old.direction**2 * squares / 2
+    along = np.einsum("nkc,ncd,nkd->n", taxels.axes_link, covariances, taxels.axes_link) / 2
+    sigma[:, 0] = np.sqrt(np.maximum(sigma[:, 0] ** 2 - before, 0.0) + along)
+    upright = np.einsum("nc,ncd,nd->n", taxels.normals_link, covariances, taxels.normals_link)
+    sigma[:, 1] = np.hypot(sigma[:, 1], np.sqrt(np.maximum(upright, 0.0)))
+    return sigma
+
+
+def _with_registration(patch: Patch, found: SelfTouch, k: int) -> Patch:
+    """Return a patch that states how exactly the touches placed it."""
+    covariance = found.covariance_of(k)
+    if patch.kind == "imported":
+        anchor = patch.taxels.positions_link.mean(axis=0)
+        origin, direction = (np.sqrt(np.linalg.eigvalsh(covariance[a, a])[-1]) for a in (slice(3), slice(3, 6)))
+    else:  # about the point where shift and rotation are independent
+        x, y = covariance[:2, 2] / covariance[2, 2]
+        anchor = link_point(patch, flat_places(patch, patch.taxels.index).mean(axis=0) + (-y, x))
+        rest = covariance[:2, :2] - np.outer(covariance[:2, 2], covariance[:2, 2]) / covariance[2, 2]
+        origin, direction = (np.sqrt(np.linalg.eigvalsh(part)[-1]) for part in (rest, covariance[2:, 2:]))
+    limits = max(float(origin), MIN_ORIGIN_UNCERTAINTY), min(float(direction), MAX_DIRECTION_UNCERTAINTY)
+    return replace(patch, registration=Registration(*limits, point_of(anchor)))
+
+
+def _between(before: Array, after: Array) -> Rotation:
+    """Return the least rotations that turn unit vectors (n, 3) into others."""
+    axes = np.cross(before, after)
+    sines = np.linalg.norm(axes, axis=1)
+    angles = np.arctan2(sines, (before * after).sum(axis=1))
+    return Rotation.from_rotvec(axes * (angles / np.maximum(sines, 1e-12))[:, None])
