@@ -2,11 +2,11 @@
 
     python benchmarks/self_touch.py [--robot G1] [--seeds 5] [--touches 20,50,200] [--keep FOLDER] [--planned]
 
-For the G1 and JVRC-1 of the data folder it proposes and fits skins of a few links; ``--keep`` keeps them. The zeros of all
-joints are wrong by 0.5 degree, the tip of the right hand by 2 mm, each skin by 3 mm and 2 degrees. The hand touches random
-points of the largest skin of each link, with 1 mm of noise per axis. A press loads the cells by a spot of 6 mm; gains
-differ by 15 %, readings have 8 bits. Kinematics and search for postures are of this file. With ``--planned``, touches
-that the package proposes are compared with random ones. For the Nao it states the distance of 300 other touches.
+For the G1 and JVRC-1 of the data folder it proposes and fits skins of a few links; ``--keep`` keeps them. The zeros of
+all joints are wrong by 0.5 degree, the tip of the right hand by 2 mm, each skin by 3 mm and 2 degrees. The hand touches
+random points of the largest skin of each link, with 1 mm of noise per axis. A press loads the cells by a round spot;
+gains differ by 15 %, readings have 8 bits. Kinematics and search for postures are of this file. With ``--planned``,
+touches that the package proposes are compared with random ones. For the Nao it states the distance of 300 other touches.
 """
 
 import argparse
@@ -14,7 +14,6 @@ import sys
 import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,7 @@ from scipy.spatial.transform import Rotation
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
-from robots import DATA, ROBOTS  # noqa: E402
+from robots import ROBOTS  # noqa: E402
 
 from skin_calib_addon.calibration import LinkCalibration  # noqa: E402
 from skin_calib_addon.calibration.robot_set import load_links  # noqa: E402
@@ -33,7 +32,7 @@ from skin_calib_addon.cli import main as skin_calib  # noqa: E402
 from skin_calib_addon.pipeline.calibrate import surface_of  # noqa: E402
 from skin_calib_addon.pipeline.self_touch import moved_skins  # noqa: E402
 from skin_calib_addon.geometry.surface.footpoints import footpoints  # noqa: E402
-from skin_calib_addon.robot.urdf import read_robot  # noqa: E402
+from skin_calib_addon.robot.urdf import Robot, read_robot  # noqa: E402
 from skin_calib_addon.validation.self_touch import SelfTouch, fit_self_touch  # noqa: E402
 from skin_calib_addon.validation.self_touch_session import read_session  # noqa: E402
 
@@ -49,7 +48,9 @@ SCENES = {
     ),
 }
 OFFSET, TIP, SHIFT, TURN = np.deg2rad(0.5), 2e-3, 3e-3, np.deg2rad(2.0)  # standard deviations [rad, m, m, rad]
-NOISE, SPOT, GAINS, STEPS = 1e-3, 6e-3, 0.15, 255  # [m, m, 1, 1]
+NOISE, GAINS, STEPS = 1e-3, 0.15, 255  # [m, 1, 1]
+SPOTS = (6e-3, 10e-3)  # diameters [m]
+MAX_TRIES = 300  # of a posture that touches
 Array = np.ndarray
 
 
@@ -130,60 +131,55 @@ class Truth:
         return patch, points, np.cross(axes[:, 0], axes[:, 1]), axes
 
     def touch(self, link: str | None = None, row: int | None = None, start: dict[str, float] | None = None):
-        """Return measured angles, link, and readings of one touch; of a random point, or of a taxel from a posture."""
-        while True:
-            at = link or self.rng.choice(list(self.skins))
-            patch, points, normals, axes = self.skins[at]
+        """Return measured angles, link, contact and nearest taxel of one touch; of a random point, or of a taxel from a posture."""
+        at = link or list(self.skins)[self.rng.integers(len(self.skins))]
+        patch, points, normals, axes = self.skins[at]
+        felt, body = self.chain.joints(at), self.chain.joints(self.hand)
+        moving = [name for name in self.names if (name in felt) != (name in body)]
+        low, high = np.array([self.chain.limits[name] for name in moving]).T
+        for _ in range(MAX_TRIES):
             k = self.rng.integers(len(points)) if row is None else row
-            size = np.sqrt(patch.taxels.areas[k])
-            flat = self.rng.uniform(-0.5, 0.5, 2) * size
+            flat = self.rng.uniform(-0.5, 0.5, 2) * np.sqrt(patch.taxels.areas[k])
             contact = points[k] + flat @ axes[k]
-            felt, body = self.chain.joints(at), self.chain.joints(self.hand)
-            moving = [name for name in self.names if (name in felt) != (name in body)]
-            angles = {name: self.rng.uniform(*self.chain.limits[name]) for name in self.names}
-            angles |= {name: np.clip(value, *self.chain.limits[name]) for name, value in (start or {}).items()}
             target = contact + self.rng.normal(0, NOISE, 3)
+            angles = {name: self.rng.uniform(*self.chain.limits[name]) for name in self.names} | (start or {})
+            first = np.clip([angles[name] for name in moving], low + 1e-6, high - 1e-6)
 
-            def miss(values, angles=angles, moving=moving, at=at, target=target):
+            def hand(values, at=at, angles=angles, of=self.tip):
                 now = angles | dict(zip(moving, values))
                 (r, p), (s, q) = self.chain.pose(at, now), self.chain.pose(self.hand, now)
-                return np.concatenate((1e3 * (r.T @ (s @ self.tip + q - p) - target), 0.05 * (values - first)))
+                return r.T @ (s @ of + q - p)
 
-            first = np.array([angles[name] for name in moving])
-            low, high = np.array([self.chain.limits[name] for name in moving]).T
-            first = np.clip(first, low + 1e-6, high - 1e-6)
-            found = least_squares(miss, first, bounds=(low, high), max_nfev=25, xtol=1e-9, ftol=1e-12)
-            for _ in range(3):  # the second part of the residual only guides the search
-                first = found.x
-                found = least_squares(miss, np.clip(first, low + 1e-9, high - 1e-9), bounds=(low, high), max_nfev=6)
-            now = angles | dict(zip(moving, found.x))
-            (r, p), (s, q) = self.chain.pose(at, now), self.chain.pose(self.hand, now)
-            from_hand = r.T @ (s @ (self.tip - 0.5 * self.tip) + q - p) - contact
+            found = least_squares(
+                lambda values, target=target: 1e3 * (hand(values) - target), first, bounds=(low, high), max_nfev=30
+            ).x
+            from_hand = hand(found, of=0.5 * self.tip) - contact
             is_outside = from_hand @ normals[k] > 0.2 * np.linalg.norm(from_hand)
-            if np.linalg.norm(miss(found.x)[:3]) < 0.1 and (is_outside or start):
-                measured = {name: now[name] - self.offsets[name] for name in self.names}
-                return measured, at, self.readings(at, contact, k)
+            if np.linalg.norm(hand(found) - target) < 1e-4 and (is_outside or start):
+                now = angles | dict(zip(moving, found))
+                return {name: now[name] - self.offsets[name] for name in self.names}, at, contact, k
+        raise RuntimeError(f"no posture of {self.hand} touches {at}")
 
-    def readings(self, link: str, contact: Array, k: int) -> Array:
+    def readings(self, link: str, contact: Array, k: int, diameter: float) -> Array:
         """Return the readings of a press: Hertz's pressure in a round spot."""
         patch, points, _, axes = self.skins[link]
         i = np.arange(300) + 0.5
         radius, angle = np.sqrt(i / 300), i * np.pi * (1 + 5**0.5)
-        spot = contact + SPOT / 2 * radius[:, None] * (np.column_stack((np.cos(angle), np.sin(angle))) @ axes[k])
+        spot = contact + diameter / 2 * radius[:, None] * (np.column_stack((np.cos(angle), np.sin(angle))) @ axes[k])
         distance, cells = cKDTree(points).query(spot)
         inside = distance < np.sqrt(patch.taxels.areas[k]) * 0.62
         loads = np.bincount(cells[inside], np.sqrt(1 - radius[inside] ** 2), len(points)) / np.sqrt(1 - radius**2).sum()
         gains = 1 + GAINS * np.random.default_rng(len(points)).standard_normal(len(points))
         return np.clip(np.rint(loads * gains * STEPS * 0.8), 0, STEPS)
 
-    def table(self, touches: Sequence) -> str:
-        """Return a session."""
+    def table(self, touches: Sequence, diameter: float) -> str:
+        """Return a session, with spots of a diameter [m]."""
         ids = [f"{link}/{name}" for link, (patch, *_) in self.skins.items() for name in patch.taxels.ids]
         first = dict(zip(self.skins, np.cumsum([0, *(len(s[1]) for s in self.skins.values())])))
         x, y, z = self.nominal * 1e3
         lines = [f"# tip: hand {self.hand} {x} {y} {z} mm", ",".join((*(f"{n} [rad]" for n in self.names), *ids))]
-        for angles, link, felt in touches:
-            row = np.zeros(len(ids))
+        for angles, link, contact, k in touches:
+            row, felt = np.zeros(len(ids)), self.readings(link, contact, k, diameter)
             row[first[link] : first[link] + len(felt)] = felt
             lines.append(",".join([*(f"{angles[name]:.7f}" for name in self.names), *(f"{x:g}" for x in row)]))
         return "\n".join(lines) + "\n"
@@ -221,17 +217,23 @@ def of_robot(name: str, options: argparse.Namespace) -> None:
         folder = (options.keep or Path(temporary)) / name
         skins, robot = proposed(name, folder), read_robot(ROBOTS[name])
         counts = [int(text) for text in options.touches.split(",")]
-        results: dict[int, list] = {count: [] for count in counts}
+        results: dict[tuple[int, float], list] = {(count, spot): [] for count in counts for spot in SPOTS}
         for seed in range(options.seed, options.seed + options.seeds):
             truth = Truth(ROBOTS[name], SCENES[name], skins, seed)
             touches = [truth.touch() for _ in range(max(counts))]
-            for count in counts:
-                path = Path(temporary) / "session.csv"
-                path.write_text(truth.table(touches[:count]))
-                found = fit_self_touch(robot, read_session(path, robot, skins))
-                results[count].append(compared(truth, found, skins))
-        for count, parts in results.items():
-            print(f"{name}, {count} touches, {options.seeds} sessions: {summary(parts)}", flush=True)
+            for (count, spot), parts in results.items():
+                found = fitted(truth, touches[:count], spot, robot, skins)
+                parts.append(compared(truth, found, skins))
+        for (count, spot), parts in results.items():
+            print(f"{name}, {count} touches, spots of {spot * 1e3:g} mm, {options.seeds} sessions: {summary(parts)}", flush=True)
+
+
+def fitted(truth: Truth, touches: Sequence, spot: float, robot: Robot, skins: dict[str, LinkCalibration]) -> SelfTouch:
+    """Return what the package states about a session."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "session.csv"
+        path.write_text(truth.table(touches, spot))
+        return fit_self_touch(robot, read_session(path, robot, skins))
 
 
 def summary(parts: list[dict[str, Array]]) -> str:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ..calibration.file import load_calibration
 from ..calibration.model import LinkCalibration
+from ..calibration.robot_set import is_robot
 from ..common.errors import InvalidPlan
 from ..common.strict_json import parse, read
 from ..common.tables import has_columns
@@ -15,7 +16,7 @@ from ..pipeline.touch_distance import check_touches
 from ..plan import FORMAT, load_plan, named_from, save_plan
 from ..validation import Placement, directions_of, placements, summarize
 from ..validation.gravity import ACCELERATION, read_orientations, rotated
-from .common import DONE, check_outputs, file_name, named_path, say, say_unused, warn
+from .common import DONE, check_outputs, file_name, named_path, not_empty, say, say_unused, warn
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -25,20 +26,31 @@ def add(parser: argparse.ArgumentParser) -> None:
         "tz of a force-torque sensor [N, N m], in the link frame. The columns time [s] or press state which rows are "
         "one press. Or it is an MCAP file with SkinReading, and with WrenchStamped or PointStamped in the link frame. "
         "Or it has what accelerometers of taxels measure at rest: ax, ay, az [m/s^2] in the axes of the taxel, and the "
-        "direction of gravity gx, gy, gz in the link frame."
+        "direction of gravity gx, gy, gz in the link frame. For robot.json, TOUCHES are those of the robot on itself: "
+        "the angles of its joints [rad], the tip that touched, and the taxels that felt it."
     )
-    parser.add_argument("file", type=named_path, metavar="FILE", help="calibration or plan")
+    parser.add_argument("file", type=named_path, metavar="FILE", help="calibration or plan; robot.json, or its folder")
     parser.add_argument("touches", type=named_path, metavar="TOUCHES", help="CSV or MCAP file of measured touches")
     parser.add_argument(
         "--refine", action="store_true", help="move the skins of the plan to the positions of the touches"
     )
-    parser.add_argument("-o", "--output", type=file_name, metavar="OUT", help="refined plan")
+    parser.add_argument(
+        "-o", "--output", type=not_empty, metavar="OUT", help="refined plan; for a robot, folder of its moved skins"
+    )
     parser.add_argument("--picture", type=file_name, metavar="PNG", help="picture of the touches and their cells")
 
 
 def run(options: argparse.Namespace) -> int:
     if options.refine != (options.output is not None):
         options.refuse("--refine and -o OUT belong together: specify both or neither")
+    if is_robot(options.file):
+        from .touches_robot import run as run_robot  # it needs the robot
+
+        return run_robot(options, Path(options.output) if options.output else None)
+    try:
+        options.output = file_name(options.output) if options.output else None
+    except argparse.ArgumentTypeError as problem:
+        options.refuse(f"argument -o/--output: {problem}")
     check_outputs(options, options.file, options.touches, replaces=options.file)
     is_plan = _is_plan(options.file)
     if options.refine and not is_plan:

@@ -37,8 +37,9 @@ def _moved(found: SelfTouch, k: int, calibration: LinkCalibration) -> Patch:
     if patch.kind == "imported" or surface is None:
         turns = np.tile(Rotation.from_rotvec(vector).as_matrix(), (len(points), 1, 1))
     else:
-        heights = ((taxels.positions_link - surface.points(uv)) * taxels.normals_link).sum(axis=1)
-        before = surface.normals(uv)
+        feet, _ = footpoints(surface, taxels.positions_link)
+        before = surface.normals(feet)
+        heights = ((taxels.positions_link - surface.points(feet)) * before).sum(axis=1)
         uv, _ = footpoints(surface, points)
         now = surface.normals(uv)
         points = surface.points(uv) + heights[:, None] * now

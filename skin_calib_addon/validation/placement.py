@@ -319,7 +319,11 @@ def felt_by_several(patch: Patch, rows: IntArray, readings: Array) -> tuple[Arra
     flat = flat_places(patch, taxels.index)
     pitch = np.array((patch.pitch[1], patch.pitch[0]) if patch.kind == "sheet" else (patch.pitch[0],) * 2)
     for k, (row, felt) in enumerate(zip(rows.tolist(), readings)):
-        arms = flat - flat[row] if is_flat else (taxels.positions_link - taxels.positions_link[row]) @ taxels.axes_link[row].T
+        arms = (
+            flat - flat[row]
+            if is_flat
+            else (taxels.positions_link - taxels.positions_link[row]) @ taxels.axes_link[row].T
+        )
         near = (((arms / pitch) ** 2).sum(axis=1) < NEAR_CELLS**2) & (felt > MIN_READING * felt[row])
         if near.sum() < 2:
             continue

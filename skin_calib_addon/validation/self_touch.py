@@ -15,16 +15,16 @@ estimated from all unknowns of one kind, starting from those of `PRIORS`. The re
 covariance of its neighbourhood.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from ..calibration.model import Patch
 from ..common.arrays import Array, BoolArray, IntArray, unit
-from ..common.errors import MAX_NAMED, CalibrationFormatError, listed
+from ..common.errors import CalibrationFormatError, listed
 from ..common.warnings import Warning
 from ..robot.kinematics import carried, rotation_about
 from ..robot.urdf import Robot
@@ -58,8 +58,10 @@ STEP_TOLERANCE = 1e-3  # [standard deviations] of the last step. Larger: less ex
 MIN_PART = 0.4
 # [1] Part of a combination that the touches have to determine. Larger: names more combinations.
 MIN_LEARNT = 0.5
-# [m, rad] Errors of what no touch determines that are stated as known well. Larger: names fewer combinations.
-SMALL_ERROR = {"rotation": np.deg2rad(0.1), "length": 3e-4}
+ANGULAR = ("joint", "turn", "rotation")  # unknowns in radians
+NUISANCE = ("height", "spot")  # unknowns of which no warning is given alone
+ROWS = ("along the rows", "across the rows")
+Key = TypeVar("Key")
 
 
 class Unknown(NamedTuple):
@@ -68,11 +70,6 @@ class Unknown(NamedTuple):
     kind: str  # one of PRIORS
     owner: str | int  # joint, tip, or position of a patch in the session
     axis: int = 0
-
-    @property
-    def is_angle(self) -> bool:
-        """Whether it is in radians, not metres."""
-        return self.kind in ("joint", "turn", "rotation")
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,12 +94,13 @@ class Model:
         self.robot, self.session, n = robot, session, len(session.lines)
         self.felt = _side(session, dict(enumerate(session.felt)))
         self.skins = _side(session, {k: b for k, b in enumerate(session.bodies) if isinstance(b, Felt)})
-        self.tips = tuple(dict.fromkeys(body for body in session.bodies if isinstance(body, Tip)))
+        self.tips = _rows_of([body if isinstance(body, Tip) else None for body in session.bodies])
         links = [link for link, _ in session.patches]
         self.links = [
             [links[felt.patch] for felt in session.felt],
             [links[body.patch] if isinstance(body, Felt) else body.link for body in session.bodies],
         ]
+        self._rows = [_rows_of(names) for names in self.links]
         self._check()
         self.unknowns = tuple(self._unknowns() if unknowns is None else unknowns)
         self.column = {unknown: k for k, unknown in enumerate(self.unknowns)}
@@ -116,7 +114,7 @@ class Model:
         """Check that each touch is between two links that move relative to each other, with known joints."""
         for k, (felt, body) in enumerate(zip(*self.links)):
             where = f"Line {self.session.lines[k]}: "
-            moving = self._moving(felt, body)
+            moving = self.moving(felt, body)
             if not moving:
                 message = f"{where}no joint moves {body}, which touched, relative to {felt}, which felt it."
                 raise CalibrationFormatError(f"{message} Name the tip and the taxel of the touch.")
@@ -124,7 +122,7 @@ class Model:
                 message = f"{where}the table has no column of {listed(missing)}, which move {body} relative to {felt}."
                 raise CalibrationFormatError(f"{message} Add the angles.")
 
-    def _moving(self, felt: str, body: str) -> list[str]:
+    def moving(self, felt: str, body: str) -> list[str]:
         """Return the joints that move one link relative to another."""
         if (felt, body) not in self._cache:
             a, b = (carried(self.robot, link, {})[1] for link in (felt, body))
@@ -138,7 +136,7 @@ class Model:
 
     def _unknowns(self) -> Iterator[Unknown]:
         """Yield the unknowns: offsets of joints, tips, and of all skins of the touched links."""
-        for name in dict.fromkeys(name for pair in zip(*self.links) for name in self._moving(*pair)):
+        for name in dict.fromkeys(name for pair in zip(*self.links) for name in self.moving(*pair)):
             yield Unknown("slide" if self.robot.joints[name].type == "prismatic" else "joint", name)
         yield from (Unknown("tip", tip.name, axis) for tip in self.tips for axis in range(3))
         sides = (*self.felt.patches.tolist(), *self.skins.patches.tolist())
@@ -152,21 +150,24 @@ class Model:
         if self.felt.spreads.any() or self.skins.spreads.any():
             yield Unknown("spot", "")
 
-    def linearized(self, values: Array) -> tuple[Array, Array]:
-        """Return the residuals (n, 3) [m] for values of the unknowns (p,), and their derivatives (n, 3, p)."""
+    def linearized(self, values: Array, positions: Mapping[str, Array] | None = None) -> tuple[Array, Array]:
+        """Return the residuals (n, 3) [m] for values of the unknowns (p,), and their derivatives (n, 3, p).
+
+        Without positions (n,) of the joints, they are those of the session.
+        """
+        positions = positions or self.session.positions
         n, column = len(self.session.lines), self.column
         felt, along_felt = self.points(self.felt, values)
         body, along_body = np.empty((n, 3)), np.zeros((n, 3, len(values)))
         at = self.skins.touches
         body[at], along_body[at] = self.points(self.skins, values)
-        for tip in self.tips:
-            mine = np.array([k for k, other in enumerate(self.session.bodies) if other == tip])
+        for tip, mine in self.tips.items():
             columns = [column.get(Unknown("tip", tip.name, axis), -1) for axis in range(3)]
             body[mine] = tip.position
             if min(columns) >= 0:
                 body[mine] += values[columns]
                 along_body[mine[:, None], np.arange(3), columns] = 1.0
-        poses, twists = zip(*(self._carried(links, values) for links in self.links))
+        poses, twists = zip(*(self._carried(rows, values, positions) for rows in self._rows))
         (turn_f, at_f), (turn_b, at_b) = ((pose[:, :3, :3], pose[:, :3, 3]) for pose in poses)
         point = np.einsum("nij,nj->ni", turn_b, body) + at_b
         to_axes = self.felt.frames @ np.swapaxes(turn_f, 1, 2)
@@ -176,14 +177,14 @@ class Model:
         slopes = to_axes @ (np.swapaxes(motion, 1, 2) + turn_b @ along_body) - self.felt.frames @ along_felt
         return residual, slopes
 
-    def _carried(self, links: Sequence[str], values: Array) -> tuple[Array, Array]:
+    def _carried(self, rows: dict[str, IntArray], values: Array, positions: Mapping[str, Array]) -> tuple[Array, Array]:
         """Return the poses (n, 4, 4) of the link of each touch, and the twists (n, p, 6) by the offsets of joints."""
-        poses, twists = np.empty((len(links), 4, 4)), np.zeros((len(links), len(values), 6))
+        n = len(self.session.lines)
+        poses, twists = np.empty((n, 4, 4)), np.zeros((n, len(values), 6))
         offsets = {u.owner: k for k, u in enumerate(self.unknowns) if u.kind in ("joint", "slide")}
-        positions = {name: p + (values[offsets[name]] if name in offsets else 0.0) for name, p in self.session.positions.items()}
-        for link in dict.fromkeys(links):
-            mine = np.array([k for k, other in enumerate(links) if other == link])
-            poses[mine], found = carried(self.robot, link, {name: p[mine] for name, p in positions.items()})
+        positions = {name: at + (values[offsets[name]] if name in offsets else 0.0) for name, at in positions.items()}
+        for link, mine in rows.items():
+            poses[mine], found = carried(self.robot, link, {name: at[mine] for name, at in positions.items()})
             for name, twist in found.items():
                 if name in offsets:
                     twists[mine, offsets[name]] = twist
@@ -199,7 +200,9 @@ class Model:
             slopes[:, :, spot] = side.spreads
         for k in np.unique(side.patches).tolist():
             mine = np.flatnonzero(side.patches == k)
-            unknowns = [(u, j) for u, j in self.column.items() if u.owner == k and u.kind not in ("tip", "joint", "slide")]
+            unknowns = [
+                (u, j) for u, j in self.column.items() if u.owner == k and u.kind not in ("tip", "joint", "slide")
+            ]
             rotation = [values[j] for u, j in unknowns if u.kind == "rotation"]
             if rotation:
                 middle = self.session.patches[k][1].taxels.positions_link.mean(axis=0)
@@ -247,28 +250,64 @@ class SelfTouch:
         """Part of each unknown that the touches determine, shape (p,): 1 - variance / variance without touches."""
         return np.clip(1 - np.diag(self.covariance) / self.priors**2, 0.0, 1.0)
 
+    def owner(self, unknown: Unknown) -> str:
+        """Return whose number an unknown is: joint, tip or skin."""
+        if unknown.kind in ("joint", "slide", "spot"):
+            return str(unknown.owner) or "contacts"
+        if unknown.kind == "tip":
+            return f"tip {unknown.owner}"
+        link, patch = self.model.session.patches[int(unknown.owner)]
+        return f"{link}/{patch.name}"
+
     def name(self, unknown: Unknown) -> str:
         """Return an unknown in words."""
-        kind, owner, axis = unknown
-        if kind in ("joint", "slide"):
-            return str(owner)
-        if kind == "tip":
-            return f"the {'xyz'[axis]} of tip {owner}"
-        if kind == "spot":
-            return "the size of the contacts"
-        link, patch = self.model.session.patches[int(owner)]
-        skin = f"{link}/{patch.name}"
-        of = {"shift": ("along the rows", "across the rows"), "position": ("in x", "in y", "in z")}
-        if kind in of:
-            return f"the shift of {skin} {of[kind][axis]}"
-        if kind == "rotation":
-            return f"the rotation of {skin} about {'xyz'[axis]}"
-        return f"the rotation of {skin}" if kind == "turn" else f"the height over {skin}"
+        words = {
+            "tip": "the {axis} of ",
+            "shift": "the shift {row} of ",
+            "position": "the shift in {axis} of ",
+            "turn": "the rotation of ",
+            "rotation": "the rotation about {axis} of ",
+            "height": "the height over ",
+            "spot": "the size of the ",
+        }
+        part = words.get(unknown.kind, "").format(axis="xyz"[unknown.axis], row=ROWS[unknown.axis % 2])
+        return part + self.owner(unknown)
 
     def amount(self, k: int, value: float) -> str:
         """Return a value of an unknown with its unit."""
-        unknown = self.model.unknowns[k]
-        return f"{np.rad2deg(value):.2f} degrees" if unknown.is_angle else f"{value * 1e3:.2f} mm"
+        kind = self.model.unknowns[k].kind
+        size, unit = (np.rad2deg(value), " degrees") if kind in ANGULAR else (value * 1e3, " mm")
+        return f"{value:.2f}" if kind == "spot" else f"{size:+.2f}{unit}"
+
+    def summary(self) -> Iterator[tuple[str, str]]:
+        """Yield joints, tips and skins, with their errors, standard errors, and the part that the touches determine."""
+        parts: dict[str, list[str]] = {}
+        for k, unknown in enumerate(self.model.unknowns):
+            if unknown.kind != "spot":
+                error = self.amount(k, self.errors[k]).lstrip("+")
+                what = self.name(unknown).removesuffix(self.owner(unknown)).removeprefix("the ")
+                what = what.removesuffix(" of ").removesuffix(" over ")
+                text = f"{what} {self.amount(k, self.values[k])} +- {error} ({100 * self.learnt[k]:.0f} %)".lstrip()
+                parts.setdefault(self.owner(unknown), []).append(text)
+        yield from ((name, ", ".join(found)) for name, found in parts.items())
+        along = np.sqrt((self.residuals[~self.unexplained, :2] ** 2).mean()) * 1e3
+        upright = np.sqrt((self.residuals[~self.unexplained, 2] ** 2).mean()) * 1e3
+        yield "residuals", f"rms {along:.2f} mm per axis along the skin, {upright:.2f} mm outward"
+
+    def offsets(self) -> dict[str, Any]:
+        """Return the errors of joints and tips as JSON values: true position = position of the session + offset."""
+        joints, tips = dict[str, Any](), dict[str, Any]()
+        for k, unknown in enumerate(self.model.unknowns):
+            numbers = {
+                "offset": float(self.values[k]),
+                "sigma": float(self.errors[k]),
+                "learnt": round(float(self.learnt[k]), 3),
+            }
+            if unknown.kind in ("joint", "slide"):
+                joints[str(unknown.owner)] = {**numbers, "unit": "rad" if unknown.kind == "joint" else "m"}
+            elif unknown.kind == "tip":
+                tips.setdefault(str(unknown.owner), {})["xyz"[unknown.axis]] = {**numbers, "unit": "m"}
+        return {"format": "skin-joint-offsets", "version": 1, "joints": joints, "tips": tips}
 
     def distances(self, session: Session) -> Array:
         """Return how far the two points of each touch of a session are from each other, shape (n,) [m]."""
@@ -281,7 +320,7 @@ class SelfTouch:
         return {u: j for j, u in enumerate(self.model.unknowns) if u.owner == k and u.kind in moving}
 
     def rotation(self, k: int) -> Array:
-        """Return the rotation vector of a skin (3,) [rad]: in the link frame if it is imported, else about its normal."""
+        """Return the rotation vector of a skin (3,) [rad]: of an imported one in its link, else about the normal."""
         turns = [self.values[j] for u, j in self.of_patch(k).items() if u.kind in ("turn", "rotation")]
         return np.array(turns) if len(turns) == 3 else np.array((0.0, 0.0, *turns))
 
@@ -309,7 +348,7 @@ class SelfTouch:
 
     @cached_property
     def combinations(self) -> tuple[dict[int, float], ...]:
-        """Combinations of unknowns that the touches do not determine: a value of each that leaves the touches as they are.
+        """Combinations of unknowns that the touches do not determine: values that leave the touches as they are.
 
         They are the singular vectors of the derivatives in units of the priors whose singular values are below 1, and
         sums of them with as few unknowns as possible.
@@ -333,18 +372,21 @@ class SelfTouch:
         """Yield warnings: touches elsewhere, and combinations of unknowns that the touches do not determine."""
         lines = [f"line {line}" for line in self.model.session.lines[self.unexplained].tolist()]
         if lines:
-            message = f"{len(lines)} of {len(self.residuals)} touches are far from where they were felt: {listed(lines)}."
+            message = (
+                f"{len(lines)} of {len(self.residuals)} touches are far from where they were felt: {listed(lines)}."
+            )
             advice = "Check the channels of their taxels, and the angles."
             yield Warning("self-touch-outliers", "warning", message, value=float(len(lines)), advice=advice)
         for found in self.combinations:
+            if all(self.model.unknowns[k].kind in NUISANCE for k in found):
+                continue
             parts = [(self.name(self.model.unknowns[k]), self.amount(k, value)) for k, value in found.items()]
-            if len(parts) == 1:
-                message, advice = f"The touches do not determine {parts[0][0]}.", "Touch in other postures."
-            else:
-                names = ", ".join(name for name, _ in parts[:-1]) + f" and {parts[-1][0]}"
-                values = "; ".join(f"{name} {value}" for name, value in parts[:MAX_NAMED])
-                message = f"The touches cannot separate {names}. This changes none of them: {values}."
-                advice = "Only their sum is right; touch in other postures."
+            advice = "Touch in other postures."
+            message = f"The touches hardly determine {parts[0][0]}."
+            if len(parts) > 1:
+                names = " and ".join(name for name, _ in parts)
+                together = " and ".join(f"{name} by {amount}" for name, amount in parts)
+                message = f"The touches hardly separate {names}: {together} together change nothing."
             yield Warning("not-separated", "note", message, advice=advice)
 
     @property
@@ -389,7 +431,16 @@ def fit_self_touch(robot: Robot, session: Session) -> SelfTouch:
     return SelfTouch(model, values, covariance, priors, scales, residuals)
 
 
-def _by_class(values: Array, classes: IntArray, function) -> Array:
+def _rows_of(items: Sequence[Key | None]) -> dict[Key, IntArray]:
+    """Return where each item is."""
+    return {
+        key: np.array([k for k, other in enumerate(items) if other == key])
+        for key in dict.fromkeys(items)
+        if key is not None
+    }
+
+
+def _by_class(values: Array, classes: IntArray, function: Callable[[Array], Any]) -> Array:
     """Return a function of the values of each class, shape (3,); 0 for a class without values."""
     return np.array([float(function(values[classes == k])) if (classes == k).any() else 0.0 for k in range(3)])
 

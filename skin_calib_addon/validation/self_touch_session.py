@@ -74,7 +74,9 @@ def read_session(path: str | os.PathLike[str], robot: Robot, calibrations: Mappi
     with naming_file(path):
         session = _Table(read_text(path), robot, calibrations).session()
     if len(session.lines) > MAX_TOUCHES:
-        message = f"'{path}' has {len(session.lines)} touches, more than {MAX_TOUCHES}. Number the presses, or split it."
+        message = (
+            f"'{path}' has {len(session.lines)} touches, more than {MAX_TOUCHES}. Number the presses, or split it."
+        )
         raise CalibrationFormatError(message)
     return session
 
@@ -124,7 +126,9 @@ class _Table:
         places = [place for place, _ in (*self.columns.values(), *self.joints.values())]
         self.unused = names_without(header, [*places, *self.felt])
 
-    def _add(self, columns: dict[str, tuple[int, float]], name: str, place: int, unit: str, units: dict[str, float]) -> None:
+    def _add(
+        self, columns: dict[str, tuple[int, float]], name: str, place: int, unit: str, units: dict[str, float]
+    ) -> None:
         """Add a column, in a unit that the header may name."""
         if name in columns:
             raise TableError(self.line, f"the header names the column {show(name)} twice", place + 1)
@@ -195,7 +199,9 @@ class _Table:
             if of_link and owners:
                 owners = {of_link: owners[of_link]} if of_link in owners else {}
             if len(owners) > 1:
-                raise TableError(line, f"{listed(tuple(owners))} have a taxel {show(name)}; add a column {link!r}", place + 1)
+                raise TableError(
+                    line, f"{listed(tuple(owners))} have a taxel {show(name)}; add a column {link!r}", place + 1
+                )
             if not owners:
                 known = did_you_mean(name, self.owners)
                 raise TableError(line, f"{of_link or 'the robot'} has no taxel {show(name)}{known}", place + 1)
@@ -242,7 +248,9 @@ class _Table:
             link = self.patches[felt.patch][0]
             others = [k for k in order if self.patches[k][0] != link]
             if not others:
-                raise TableError(line, "the table does not state what touched: name a tip, or the taxel of another skin")
+                raise TableError(
+                    line, "the table does not state what touched: name a tip, or the taxel of another skin"
+                )
             body = found[others[0]]
         felt = found.get(felt.patch, felt)
         return felt, found.get(body.patch, body) if isinstance(body, Felt) else body
@@ -256,7 +264,9 @@ def _tips(text: str, robot: Robot) -> Iterator[Tip]:
             continue
         words = found[1].split()
         if len(words) != 6 or words[5] not in LENGTHS:
-            raise TableError(number, 'a tip has the form "# tip: NAME LINK X Y Z UNIT", such as "# tip: finger hand 0 0 60 mm"')
+            raise TableError(
+                number, 'a tip has the form "# tip: NAME LINK X Y Z UNIT", such as "# tip: finger hand 0 0 60 mm"'
+            )
         if words[1] not in robot.links:
             message = f"{robot.file} has no link {show(words[1])}{did_you_mean(words[1], robot.links)}"
             raise TableError(number, message)
