@@ -6,7 +6,8 @@ For the G1 and JVRC-1 of the data folder it proposes and fits skins of a few lin
 all joints are wrong by 0.5 degree, the tip of the right hand by 2 mm, each skin by 3 mm and 2 degrees. The hand touches
 random points of the largest skin of each link, with 1 mm of noise per axis. A press loads the cells by a round spot;
 gains differ by 15 %, readings have 8 bits. Kinematics and search for postures are of this file. With ``--planned``,
-touches that the package proposes are compared with random ones. For the Nao it states the distance of 300 other touches.
+touches that the package proposes are compared with random ones. For the Nao it states the distance of 300 touches that
+were not used.
 """
 
 import argparse
@@ -14,9 +15,11 @@ import sys
 import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.io import loadmat
 from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
@@ -26,13 +29,15 @@ sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
 from robots import ROBOTS  # noqa: E402
 
-from skin_calib_addon.calibration import LinkCalibration  # noqa: E402
+from skin_calib_addon.calibration import LinkCalibration, MeshSource, Patch, TaxelArray  # noqa: E402
 from skin_calib_addon.calibration.robot_set import load_links  # noqa: E402
 from skin_calib_addon.cli import main as skin_calib  # noqa: E402
+from skin_calib_addon.geometry.surface.footpoints import footpoints  # noqa: E402
 from skin_calib_addon.pipeline.calibrate import surface_of  # noqa: E402
 from skin_calib_addon.pipeline.self_touch import moved_skins  # noqa: E402
-from skin_calib_addon.geometry.surface.footpoints import footpoints  # noqa: E402
 from skin_calib_addon.robot.urdf import Robot, read_robot  # noqa: E402
+from skin_calib_addon.validation.flat import flat_places  # noqa: E402
+from skin_calib_addon.validation.next_touch import next_touches  # noqa: E402
 from skin_calib_addon.validation.self_touch import SelfTouch, fit_self_touch  # noqa: E402
 from skin_calib_addon.validation.self_touch_session import read_session  # noqa: E402
 
@@ -54,6 +59,11 @@ MAX_TRIES = 300  # of a posture that touches
 Array = np.ndarray
 
 
+def numbers(node: ET.Element | None, key: str, default: str) -> Array:
+    """Return the numbers of an attribute."""
+    return np.array([float(x) for x in (default if node is None else node.get(key, default)).split()])
+
+
 class Chain:
     """Kinematics of this file: from a URDF, by the definition of the format."""
 
@@ -64,15 +74,12 @@ class Chain:
             if joint.find("child") is None:
                 continue
             origin, axis, limit = (joint.find(tag) for tag in ("origin", "axis", "limit"))
-            numbers = {
-                name: np.array([float(x) for x in (node.get(name) if node is not None else None or "0 0 0").split()])
-                for name, node in (("xyz", origin), ("rpy", origin))
-            }
-            along = np.array([float(x) for x in axis.get("xyz").split()]) if axis is not None else np.array((1.0, 0, 0))
+            at, angles = (numbers(origin, key, "0 0 0") for key in ("xyz", "rpy"))
+            along = numbers(axis, "xyz", "1 0 0")
             name, child = joint.get("name"), joint.find("child").get("link")
-            turned = Rotation.from_euler("xyz", numbers["rpy"]).as_matrix()
+            turned = Rotation.from_euler("xyz", angles).as_matrix()
             moves = joint.get("type") in ("revolute", "continuous")
-            self.above[child] = name, joint.find("parent").get("link"), turned, numbers["xyz"], along, moves
+            self.above[child] = name, joint.find("parent").get("link"), turned, at, along, moves
             if moves:
                 self.limits[name] = (float(limit.get("lower")), float(limit.get("upper")))
 
@@ -113,8 +120,6 @@ class Truth:
         taxels, (surface,) = patch.taxels, [surface_of(s) for s in skin.surfaces if s.name == patch.surface]
         shift, turn = self.rng.normal(0, SHIFT, 2), self.rng.normal(0, TURN)
         points, axes, steps = taxels.positions_link.copy(), taxels.axes_link.copy(), 10
-        from skin_calib_addon.validation.flat import flat_places
-
         arms = flat_places(patch, taxels.index)
         arms = arms - arms.mean(axis=0)
         height = ((points - surface.points(taxels.uv)) * taxels.normals_link).sum(axis=1)
@@ -131,7 +136,7 @@ class Truth:
         return patch, points, np.cross(axes[:, 0], axes[:, 1]), axes
 
     def touch(self, link: str | None = None, row: int | None = None, start: dict[str, float] | None = None):
-        """Return measured angles, link, contact and nearest taxel of one touch; of a random point, or of a taxel from a posture."""
+        """Return measured angles, link, contact and nearest taxel of a touch: random, or of a taxel from a posture."""
         at = link or list(self.skins)[self.rng.integers(len(self.skins))]
         patch, points, normals, axes = self.skins[at]
         felt, body = self.chain.joints(at), self.chain.joints(self.hand)
@@ -205,10 +210,14 @@ def compared(truth: Truth, found: SelfTouch, skins: dict[str, LinkCalibration]) 
         axes = now.taxels.axes_link
         errors.append(np.einsum("nkc,nc->nk", axes, points - now.taxels.positions_link))
         sigmas.append(np.sqrt(np.einsum("nkc,ncd,nkd->nk", axes, found.displacements(k)[1], axes)))
-    unknowns = [(k, u) for k, u in enumerate(found.model.unknowns) if u.kind == "joint"]
-    joints = np.array([truth.offsets[u.owner] - found.values[k] for k, u in unknowns])
-    return {"taxels": np.concatenate(errors), "sigma": np.concatenate(sigmas), "joints": joints,
-            "joint sigma": found.errors[[k for k, _ in unknowns]]}  # fmt: skip
+    rows = [k for k, unknown in enumerate(found.model.unknowns) if unknown.kind == "joint"]
+    return {
+        "taxels": np.concatenate(errors),
+        "sigma": np.concatenate(sigmas),
+        "joints": np.array([truth.offsets[found.model.unknowns[k].owner] - found.values[k] for k in rows]),
+        "joint sigma": found.errors[rows],
+        "learnt": found.learnt[rows],
+    }
 
 
 def of_robot(name: str, options: argparse.Namespace) -> None:
@@ -225,7 +234,37 @@ def of_robot(name: str, options: argparse.Namespace) -> None:
                 found = fitted(truth, touches[:count], spot, robot, skins)
                 parts.append(compared(truth, found, skins))
         for (count, spot), parts in results.items():
-            print(f"{name}, {count} touches, spots of {spot * 1e3:g} mm, {options.seeds} sessions: {summary(parts)}", flush=True)
+            print(
+                f"{name}, {count} touches, spots of {spot * 1e3:g} mm, {options.seeds} sessions: {summary(parts)}",
+                flush=True,
+            )
+
+
+def planned(name: str, options: argparse.Namespace) -> None:
+    """Print the errors after ten random touches and twenty or forty more: random ones, or those of the package."""
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = (options.keep or Path(temporary)) / name
+        skins, robot, spot = proposed(name, folder), read_robot(ROBOTS[name]), SPOTS[-1]
+        results: dict[str, list] = {}
+        for seed in range(options.seed, options.seed + options.seeds):
+            truth = Truth(ROBOTS[name], SCENES[name], skins, seed)
+            touches = [truth.touch() for _ in range(50)]
+            for count in (10, 20, 30, 40, 50):
+                found = fitted(truth, touches[:count], spot, robot, skins)
+                results.setdefault(f"{count} random", []).append(compared(truth, found, skins))
+            chosen = touches[:10]
+            while len(chosen) < 50:
+                found = fitted(truth, chosen, spot, robot, skins)
+                for touch in next_touches(found, 5, seed=len(chosen)):
+                    row = truth.skins[touch.link][0].taxels.ids.index(touch.taxel)
+                    chosen.append(truth.touch(touch.link, row, touch.positions))
+                if len(chosen) % 10 == 0:
+                    found = fitted(truth, chosen, spot, robot, skins)
+                    results.setdefault(f"10 random, {len(chosen) - 10} planned", []).append(
+                        compared(truth, found, skins)
+                    )
+        for text, parts in sorted(results.items()):
+            print(f"{name}, {text}, {options.seeds} sessions: {summary(parts)}", flush=True)
 
 
 def fitted(truth: Truth, touches: Sequence, spot: float, robot: Robot, skins: dict[str, LinkCalibration]) -> SelfTouch:
@@ -238,13 +277,123 @@ def fitted(truth: Truth, touches: Sequence, spot: float, robot: Robot, skins: di
 
 def summary(parts: list[dict[str, Array]]) -> str:
     """Return errors and coverage in words."""
-    taxels, sigma, joints, joint_sigma = (np.concatenate([part[key] for part in parts]) for key in parts[0])
-    z, q = np.abs(taxels) / sigma, np.abs(joints) / joint_sigma
+    taxels, sigma, joints, joint_sigma, learnt = (np.concatenate([part[key] for part in parts]) for key in parts[0])
+    (z, q), known = (np.abs(taxels) / sigma, np.abs(joints) / joint_sigma), joints[learnt > 0.5]
+    inside = [f"{100 * (x < 1).mean():.0f}, {100 * (x < 2).mean():.0f} %" for x in (z, q)]
     return (
-        f"taxels {np.sqrt((taxels**2).mean()) * 1e3:.2f} mm per axis, joints "
-        f"{np.rad2deg(np.sqrt((joints**2).mean())):.2f} degrees; within one, two standard errors: taxels "
-        f"{100 * (z < 1).mean():.0f}, {100 * (z < 2).mean():.0f} %, joints {100 * (q < 1).mean():.0f}, {100 * (q < 2).mean():.0f} %"
+        f"taxels {rms(taxels) * 1e3:.2f} mm per axis, joints {np.rad2deg(rms(joints)):.2f} degrees, those that the "
+        f"touches determine ({len(known)} of {len(joints)}) {np.rad2deg(rms(known)):.2f}; within one, two standard "
+        f"errors: taxels {inside[0]}, joints {inside[1]}"
     )
+
+
+def rms(values: Array) -> float:
+    return float(np.sqrt((values**2).mean()))
+
+
+# The Nao: joints of the right arm, and rows (a, d, alpha, theta) from the torso to the finger [m, rad]; the first has
+# no joint.
+NAO = ROOT.parent / "shared" / "data" / "touch" / "nao"
+ARM = ("RShoulderPitch", "RShoulderRoll", "RElbowYaw", "RElbowRoll", "RWristYaw")
+ROWS = (
+    (0, 0.1, -np.pi / 2, 0),
+    (0, -0.098, np.pi / 2, 0),
+    (0, 0, np.pi / 2, np.pi / 2),
+    (-0.015, 0.105, -np.pi / 2, 0),
+    (0, 0, np.pi / 2, 0),
+    (0, 0.1137, -np.pi / 2, np.pi),
+)
+MOUNT, MOUNTED = (0.0646, 0.0006, 0.0468), (-0.0012, 0.0427, 0.0005)  # position, rotation vector [m, rad]
+TRIANGLES = (*range(6), *range(8, 19), *range(24, 32))
+PLACES = [place for place in range(12) if place not in (6, 10)]  # of taxels in a triangle
+
+
+def nao_urdf() -> str:
+    """Return the right arm as a URDF: the rows without their first rotation are the origins of the joints."""
+    parts, above = ['<link name="torso"/>'], "torso"
+    for k, (a, d, alpha, theta) in enumerate(ROWS):
+        turn, tilt = Rotation.from_euler("z", theta), Rotation.from_euler("x", alpha)
+        x, y, z = turn.apply((a, 0, 0)) + (0, 0, d)
+        roll, pitch, yaw = (turn * tilt).as_euler("xyz")
+        origin = f'<origin xyz="{x} {y} {z}" rpy="{roll} {pitch} {yaw}"/><parent link="{above}"/>'
+        parts.append(f'<link name="l{k}"/><joint name="fixed{k}" type="fixed">{origin}<child link="l{k}"/></joint>')
+        above = f"l{k}"
+        if k < len(ARM):
+            joint = f'<axis xyz="0 0 1"/><parent link="{above}"/><child link="m{k}"/>'
+            parts.append(f'<link name="m{k}"/><joint name="{ARM[k]}" type="continuous">{joint}</joint>')
+            above = f"m{k}"
+    return '<robot name="nao">' + "".join(parts) + "</robot>"
+
+
+def nao_skin() -> LinkCalibration:
+    """Return the taxels of both halves of the torso in the frame of the torso."""
+    rows = np.loadtxt(NAO / "torso.txt")
+    patches = []
+    for half, name in enumerate(("left", "right")):
+        mine = [k for k, triangle in enumerate(TRIANGLES) if (triangle >= 16) == bool(half)]
+        local = [rows[28 + 10 * k : 38 + 10 * k] + rows[3 + k] + rows[1 + half] for k in mine]
+        points = Rotation.from_rotvec(MOUNTED).apply(np.concatenate(local)) + MOUNT
+        _, near = cKDTree(points).query(points, k=8)
+        arms = points[near] - points[near].mean(axis=1, keepdims=True)
+        normals = np.linalg.svd(arms)[2][:, 2]
+        normals *= np.sign((normals * (points * (1, 1, 0))).sum(axis=1))[:, None]  # out of the torso
+        tangents = np.cross((0.0, 0.0, 1.0), normals)
+        tangents /= np.linalg.norm(tangents, axis=1)[:, None]
+        across, count = np.cross(normals, tangents), len(points)
+        pitch = float(np.median(np.linalg.norm(points[near[:, 1]] - points, axis=1)))
+        signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        taxels = TaxelArray(
+            ids=tuple(f"t{12 * TRIANGLES[k] + place}" for k in mine for place in PLACES),
+            channels=np.array([12 * TRIANGLES[k] + place for k in mine for place in PLACES]),
+            index=np.column_stack((np.arange(count), np.zeros(count, int))),
+            uv=np.zeros((count, 2)),
+            positions_link=points,
+            normals_link=normals,
+            tangents_link=tangents,
+            corners_link=np.stack([points + pitch / 2 * (a * tangents + b * across) for a, b in signs], axis=1),
+            areas=np.full(count, pitch**2),
+            neighbours=((),) * count,
+        )
+        patches.append(Patch(name, "imported", "", (count, 1), (pitch, pitch), taxels))
+    return LinkCalibration("torso", MeshSource("torso.stl", "0" * 64, 0, 0), (), tuple(patches))
+
+
+def nao_tables() -> tuple[list[str], list[str]]:
+    """Return the lines above the touches, and a line for each touch."""
+    touches = loadmat(NAO / "torso_rightFinger.mat", struct_as_record=False, squeeze_me=True)["torso"]
+    lines = [
+        ",".join((" ".join(f"t{k}" for k in np.atleast_1d(touch.activatedTaxels)),
+                  *(f"{getattr(touch.angles, name):.6f}" for name in ARM)))
+        for touch in touches
+    ]  # fmt: skip
+    return ["# tip: finger l5 0 0 60 mm", ",".join(("taxel", *ARM))], lines
+
+
+def nao_medians(count: int, seed: int, folder: Path) -> tuple[float, float]:
+    """Return the median distance [m] of 300 touches before and after a fit of others."""
+    (folder / "nao.urdf").write_text(nao_urdf())
+    robot, skins, (head, lines) = read_robot(folder / "nao.urdf"), {"torso": nao_skin()}, nao_tables()
+    order, sessions = np.random.default_rng(seed).permutation(len(lines)), []
+    for rows in (order[:300], order[300 : 300 + count]):
+        (folder / "nao.csv").write_text("\n".join((*head, *(lines[k] for k in rows))) + "\n")
+        sessions.append(read_session(folder / "nao.csv", robot, skins))
+    found = fit_self_touch(robot, sessions[1])
+    nominal = replace(found, values=np.zeros(len(found.values)))
+    before, after = (np.median(one.distances(sessions[0])) for one in (nominal, found))
+    return float(before), float(after)
+
+
+def of_nao(options: argparse.Namespace) -> None:
+    """Print the distances of touches of the Nao that were not used."""
+    if not NAO.is_dir():
+        print(f"Nao: {NAO} is not there; skipped")
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        for count in (20, 50, 200):
+            found = np.array([nao_medians(count, options.seed + k, Path(folder)) for k in range(options.seeds)]) * 1e3
+            low, high = found[:, 1].min(), found[:, 1].max()
+            print(f"Nao, {count} touches, {options.seeds} draws: median {found[:, 0].mean():.1f} mm before, "
+                  f"{found[:, 1].mean():.2f} mm after ({low:.2f} to {high:.2f})", flush=True)  # fmt: skip
 
 
 def main() -> None:
@@ -257,8 +406,11 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="folder for plans and calibrations")
     parser.add_argument("--planned", action="store_true", help="planned touches and random ones")
     options = parser.parse_args()
-    for name in options.robot or SCENES:
-        of_robot(name, options)
+    for name in options.robot or (*SCENES, "Nao"):
+        if name == "Nao":
+            of_nao(options)
+        else:
+            (planned if options.planned else of_robot)(name, options)
 
 
 if __name__ == "__main__":

@@ -15,11 +15,10 @@ SEARCH_STEPS = 60  # of a posture that touches. Larger: finds more of them, more
 DAMPING = 0.02  # [m] of a step. Larger: slower convergence. Smaller: oscillates at stretched arms.
 MAX_STEP = 0.3  # [rad, m] per joint. Larger: oscillates.
 MAX_MISS = 5e-4  # [m] between tip and taxel. Larger: accepts postures that do not touch.
-MIN_INCIDENCE = (
-    0.3  # [1] cosine of the angle between the normal and the direction to the hand. Larger: steeper touches.
-)
-# [1] Parts of the line from the tip to the origin of its link, or of the one that carries it, that have to be outside of
-# the touched link.
+# [1] Cosine of the angle between the normal and the direction to the hand. Larger: steeper touches.
+MIN_INCIDENCE = 0.3
+# [1] Parts of the line from the tip to the origin of its link, or of the one that carries it, that have to be outside
+# of the skins of the touched link. More: misses fewer of them.
 PARTS = (0.3, 0.6, 1.0)
 MIN_LENGTH = 0.02  # [m] of this line. Larger: also looks at links that carry a short one.
 MARGIN = 0.05  # [1] of the range of a joint that stays free at its limits. Larger: fewer postures.
@@ -87,7 +86,7 @@ def next_touches(found: SelfTouch, count: int = 1, seed: int = 0) -> tuple[NextT
 def _candidates(found: SelfTouch, rng: np.random.Generator) -> Session | None:
     """Return touches of random taxels by the tips, in random postures in which they do not touch yet."""
     model, session = found.model, found.model.session
-    known = {u.owner for u in model.unknowns if u.kind in ("joint", "slide")}
+    known = {str(u.owner) for u in model.unknowns if u.kind in ("joint", "slide")}
     pairs = [
         (k, tip)
         for k, (link, _) in enumerate(session.patches)
@@ -101,7 +100,7 @@ def _candidates(found: SelfTouch, rng: np.random.Generator) -> Session | None:
     felt = tuple(Felt(k, (int(rng.integers(len(session.patches[k][1].taxels.ids))),), (1.0,)) for k, _ in picked)
     low, high = _limits(model.robot, session)
     positions = {name: np.full(CANDIDATES, np.median(values)) for name, values in session.positions.items()}
-    for name in known & set(positions):
+    for name in sorted(known & set(positions)):
         positions[name] = rng.uniform(low[name], high[name], CANDIDATES)
     return replace(
         session, positions=positions, felt=felt, bodies=tuple(tip for _, tip in picked), lines=np.arange(CANDIDATES)

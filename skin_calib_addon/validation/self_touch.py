@@ -9,15 +9,16 @@ A touch states that two points are at one place: the point :math:`\mathbf{f}` of
     - \mathbf{f} \right)
 
 with the offsets :math:`\delta` of the joints, and the rows of :math:`E` along the skin, across, and outward. The
-residuals have Student's distribution, so that a wrong touch counts little. Its scales are estimated: one for touches
-that one taxel felt, one for centroids, one for heights. The unknowns have normal distributions, whose scales are
-estimated from all unknowns of one kind, starting from those of `PRIORS`. The result is the most probable one, with the
-covariance of its neighbourhood.
+residuals have Student's distribution, so that a wrong touch counts little. Its tails are estimated, and its scales: one
+for touches that one taxel felt, one for centroids, one for heights. The unknowns have normal distributions, whose
+scales are estimated from all unknowns of one kind, starting from those of `PRIORS`. The result is the most probable
+one, with the covariance of its neighbourhood.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import lgamma
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -25,6 +26,7 @@ import numpy as np
 from ..calibration.model import Patch
 from ..common.arrays import Array, BoolArray, IntArray, unit
 from ..common.errors import CalibrationFormatError, listed
+from ..common.findings import did_you_mean
 from ..common.warnings import Warning
 from ..robot.kinematics import carried, rotation_about
 from ..robot.urdf import Robot
@@ -37,7 +39,7 @@ from .self_touch_session import Felt, Session, Tip
 PRIORS = {
     "joint": float(np.deg2rad(0.7)),
     "slide": 1e-3,  # of a prismatic joint
-    "tip": 4e-3,
+    "tip": 5e-3,
     "shift": USUAL_SHIFT,
     "turn": USUAL_TURN,
     "height": 1.5e-3,  # of the point that touches above the taxels
@@ -49,9 +51,10 @@ USUAL_SPOT = 0.8  # [1] of the unknown "spot"; `registration.SPOTS` has its rang
 # [m, fraction of the cell size, m] Usual errors of the point of touch, of a centroid, of a height. Larger: no effect
 # with many touches.
 POINT_NOISE, CENTROID_NOISE, HEIGHT_NOISE = 8e-4, 0.1, 1e-3
+SIDE = 0.62  # Derived: side of a hexagon, relative to the square root of its area.
 # [1] Number of unknowns, and of residuals, that the usual ones count for. Larger: adapts less to the touches.
 PRIOR_WEIGHT, NOISE_WEIGHT = 3.0, 4.0
-FREEDOM = 5.0  # [1] of Student's distribution. Larger: outliers count more.
+FREEDOMS = (10.0, 20.0, 50.0)  # [1] of Student's distribution; the most probable one. Smaller: outliers count less.
 MAX_STEPS = 100  # Larger: slow convergence takes longer before it ends.
 STEP_TOLERANCE = 1e-3  # [standard deviations] of the last step. Larger: less exact.
 # [1] Part of the variance of an unknown that a combination causes, from which on the combination names it.
@@ -119,8 +122,9 @@ class Model:
                 message = f"{where}no joint moves {body}, which touched, relative to {felt}, which felt it."
                 raise CalibrationFormatError(f"{message} Name the tip and the taxel of the touch.")
             if missing := [name for name in moving if name not in self.session.positions]:
-                message = f"{where}the table has no column of {listed(missing)}, which move {body} relative to {felt}."
-                raise CalibrationFormatError(f"{message} Add the angles.")
+                message = f"{where}the table has no column of {listed(missing)}, which move {body} relative to {felt}"
+                known = did_you_mean(missing[0].lower(), self.session.unused)
+                raise CalibrationFormatError(f"{message}{known}. Add the angles.")
 
     def moving(self, felt: str, body: str) -> list[str]:
         """Return the joints that move one link relative to another."""
@@ -405,14 +409,16 @@ def fit_self_touch(robot: Robot, session: Session) -> SelfTouch:
     scales = np.maximum(1.0, _by_class(np.abs(residuals) / model.sigmas, model.classes, np.median))
     for _ in range(MAX_STEPS):
         sigmas = model.sigmas * scales[model.classes]
-        weights = (FREEDOM + 3) / (FREEDOM + ((residuals / sigmas) ** 2).sum(axis=1))
+        distances = ((residuals / sigmas) ** 2).sum(axis=1)
+        freedom = max(FREEDOMS, key=lambda freedom: _log_student(distances, freedom))
+        weights = (freedom + 3) / (freedom + distances)
         factors = np.sqrt(weights)[:, None] / sigmas
         A = (slopes * factors[..., None]).reshape(-1, len(values))
         z = (residuals * factors).ravel()
         precision = A.T @ A + np.diag(priors**-2)
         step = -np.linalg.solve(precision, A.T @ z + values / priors**2)
         # the expected curvature of Student's distribution is below that of the weighted squares
-        covariance = np.linalg.inv((FREEDOM + 3) / (FREEDOM + 5) * A.T @ A + np.diag(priors**-2))
+        covariance = np.linalg.inv((freedom + 3) / (freedom + 5) * A.T @ A + np.diag(priors**-2))
         values = values + step
         residuals, slopes = model.linearized(values)
         free = 1 - np.einsum("ip,pq,iq->i", A, covariance, A).reshape(residuals.shape)
@@ -429,6 +435,12 @@ def fit_self_touch(robot: Robot, session: Session) -> SelfTouch:
         if is_done and np.abs(scales / before - 1).max() < STEP_TOLERANCE:
             break
     return SelfTouch(model, values, covariance, priors, scales, residuals)
+
+
+def _log_student(distances: Array, freedom: float) -> float:
+    """Return the log likelihood of squared distances (n,) in Student's distribution of three dimensions."""
+    constant = lgamma((freedom + 3) / 2) - lgamma(freedom / 2) - 1.5 * np.log(freedom)
+    return float((constant - (freedom + 3) / 2 * np.log1p(distances / freedom)).sum())
 
 
 def _rows_of(items: Sequence[Key | None]) -> dict[Key, IntArray]:
@@ -467,7 +479,8 @@ def _side(session: Session, touched: dict[int, Felt]) -> _Side:
         best = known[known.any(axis=1)][0] if count else np.array((1.0, 0.0))
         frames[k] = np.vstack((best @ axes[k, :2], np.array((-best[1], best[0])) @ axes[k, :2], axes[k, 2]))
         classes[k, :count] = 1
-        spans = np.where(classes[k] == 1, CENTROID_NOISE * size, size / np.sqrt(12))
+        is_edge = patch.kind == "hexagons" and count == 1  # between two boards: along their common side
+        spans = np.where(classes[k] == 1, CENTROID_NOISE, (SIDE if is_edge else 1.0) / np.sqrt(12)) * size
         sigmas[k] = np.hypot(spans, POINT_NOISE)
     patches = np.array([felt.patch for felt in touched.values()], np.int64)
     return _Side(np.array([*touched], np.int64), patches, points, spreads, arms, axes, frames, sigmas, classes)

@@ -150,8 +150,8 @@ class _Table:
                     raise TableError(line, message, place + 1)
                 before = number if name == "time" else before
                 numbers.append(number)
-            for name, (place, unit) in self.joints.items():
-                numbers.append(_position(self.robot.joints[name], number_in(row, place, line) * unit, line, place))
+            for joint, (place, unit) in self.joints.items():
+                numbers.append(_position(self.robot.joints[joint], number_in(row, place, line) * unit, line, place))
             numbers.extend(number_in(row, place, line) for place in self.felt)
             named.append((self._named(row, line, "taxel", "link"), self._body(row, line)))
             lines.append(line)
@@ -193,7 +193,7 @@ class _Table:
         if of_link and of_link not in {name for name, _ in self.patches}:
             known = did_you_mean(of_link, {name for name, _ in self.patches})
             raise TableError(line, f"the link {show(of_link)} has no skin{known}", self.columns[link][0] + 1)
-        places = []
+        places = list[tuple[int, int]]()
         for name in [text] if text in self.owners else text.split():
             owners = self.owners.get(name, {})
             if of_link and owners:

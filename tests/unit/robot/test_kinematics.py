@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.common.errors import CalibrationFormatError
-from skin_calib_addon.robot.kinematics import link_poses
+from skin_calib_addon.robot.kinematics import carried, link_poses
 from skin_calib_addon.robot.urdf import read_robot
 
 ROBOTS = Path(__file__).parents[4] / "shared" / "data" / "robots"
@@ -187,3 +187,23 @@ def test_long_chain_is_quick(tmp_path):
     joints = [joint.format(k, k + 1) for k in range(5_000)]
     joints[-1] = joints[-1].replace('<mimic joint="5000"/>', "")
     assert len(read_robot(written(tmp_path, *links, *joints)).joints) == 5_000
+
+
+def test_twists_are_derivatives(tmp_path):
+    """Of the pose of a link: for joints that turn and slide, also those that others follow; several poses at once."""
+    c = '<link name="tip"/><joint name="c" type="revolute"><parent link="hand"/><child link="tip"/>{}</joint>'
+    follows = '<origin xyz="0.1 0 0.2"/><axis xyz="0 1 0"/><mimic joint="a" multiplier="-2" offset="0.1"/>'
+    a = '<origin xyz="0.1 0.2 0.3" rpy="0.4 -0.5 2"/><axis xyz="0 3 4"/>'
+    robot = bot(tmp_path, a, '<origin xyz="0 0 1"/><axis xyz="0 0 -2"/>', c.format(follows))
+    positions = {"a": np.array((0.7, -0.2)), "b": np.array((0.25, 0.1))}
+    poses, twists = carried(robot, "tip", positions)
+    assert set(twists) == {"a", "b"}
+    for k in range(2):
+        now = {name: float(values[k]) for name, values in positions.items()}
+        np.testing.assert_allclose(poses[k], link_poses(robot, now)["tip"], atol=1e-14)
+        for name, twist in twists.items():
+            ends = [link_poses(robot, now | {name: now[name] + step})["tip"] for step in (-1e-6, 1e-6)]
+            slope = (ends[1] - ends[0]) / 2e-6
+            cross = np.cross(np.eye(3), twist[k, :3])
+            np.testing.assert_allclose(slope[:3, :3], cross @ poses[k, :3, :3], atol=1e-8)
+            np.testing.assert_allclose(slope[:3, 3], cross @ poses[k, :3, 3] + twist[k, 3:], atol=1e-8)
