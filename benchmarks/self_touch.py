@@ -191,11 +191,13 @@ class Truth:
 
 
 def proposed(name: str, folder: Path) -> dict[str, LinkCalibration]:
-    """Return the skins of a robot that the package proposes."""
+    """Return the largest skin of each link that the package proposes."""
     if not (folder / "robot.json").exists():
         words = ["fit", str(ROBOTS[name]), "--propose", "-o", str(folder)]
         assert skin_calib(words + [w for link in SCENES[name][0] for w in ("--only", link)]) == 0
-    return load_links(folder)[0]
+    skins = load_links(folder)[0]
+    largest = {link: max(skin.patches, key=lambda patch: len(patch.taxels.ids)) for link, skin in skins.items()}
+    return {link: replace(skins[link], patches=(patch,)) for link, patch in largest.items()}
 
 
 def compared(truth: Truth, found: SelfTouch, skins: dict[str, LinkCalibration]) -> dict[str, Array]:
@@ -241,7 +243,7 @@ def of_robot(name: str, options: argparse.Namespace) -> None:
 
 
 def planned(name: str, options: argparse.Namespace) -> None:
-    """Print the errors after ten random touches and twenty or forty more: random ones, or those of the package."""
+    """Print the errors after ten random touches and more of them: random ones, or those of the package."""
     with tempfile.TemporaryDirectory() as temporary:
         folder = (options.keep or Path(temporary)) / name
         skins, robot, spot = proposed(name, folder), read_robot(ROBOTS[name]), SPOTS[-1]
@@ -249,7 +251,7 @@ def planned(name: str, options: argparse.Namespace) -> None:
         for seed in range(options.seed, options.seed + options.seeds):
             truth = Truth(ROBOTS[name], SCENES[name], skins, seed)
             touches = [truth.touch() for _ in range(50)]
-            for count in (10, 20, 30, 40, 50):
+            for count in range(10, 51, 5):
                 found = fitted(truth, touches[:count], spot, robot, skins)
                 results.setdefault(f"{count} random", []).append(compared(truth, found, skins))
             chosen = touches[:10]
@@ -258,11 +260,9 @@ def planned(name: str, options: argparse.Namespace) -> None:
                 for touch in next_touches(found, 5, seed=len(chosen)):
                     row = truth.skins[touch.link][0].taxels.ids.index(touch.taxel)
                     chosen.append(truth.touch(touch.link, row, touch.positions))
-                if len(chosen) % 10 == 0:
-                    found = fitted(truth, chosen, spot, robot, skins)
-                    results.setdefault(f"10 random, {len(chosen) - 10} planned", []).append(
-                        compared(truth, found, skins)
-                    )
+                found = fitted(truth, chosen, spot, robot, skins)
+                text = f"10 random, {len(chosen) - 10} planned"
+                results.setdefault(text, []).append(compared(truth, found, skins))
         for text, parts in sorted(results.items()):
             print(f"{name}, {text}, {options.seeds} sessions: {summary(parts)}", flush=True)
 
