@@ -39,9 +39,11 @@ def _moved(found: SelfTouch, k: int, calibration: LinkCalibration) -> Patch:
     else:
         feet, _ = footpoints(surface, taxels.positions_link)
         before = surface.normals(feet)
+        side = np.sign((before * taxels.normals_link).sum(axis=1))[:, None]  # a file may have a surface inside out
+        before = side * before
         heights = ((taxels.positions_link - surface.points(feet)) * before).sum(axis=1)
         uv, _ = footpoints(surface, points)
-        now = surface.normals(uv)
+        now = side * surface.normals(uv)
         points = surface.points(uv) + heights[:, None] * now
         turns = (Rotation.from_rotvec(vector[2] * now) * _between(before, now)).as_matrix()
     normals, tangents = (np.einsum("nij,nj->ni", turns, v) for v in (taxels.normals_link, taxels.tangents_link))
