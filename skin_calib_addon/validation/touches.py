@@ -89,8 +89,7 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
         text = read_text(path)
         _check_link(text, calibration.link)
         recorded, columns = _read(text, calibration)
-    has_owner, unused = columns.owner is not None, columns.unused
-    return touches_of(recorded, tuple(columns.felt), calibration, path, has_owner, unused)
+    return touches_of(recorded, tuple(columns.felt), calibration, path, columns)
 
 
 def touches_of(
@@ -98,13 +97,9 @@ def touches_of(
     felt: tuple[str, ...],
     calibration: LinkCalibration,
     path: str | os.PathLike[str],
-    has_owner: bool = False,
-    unused: tuple[str, ...] = (),
+    columns: "_Columns | None" = None,
 ) -> Touches:
-    """Return the touches in the rows of a file.
-
-    ``felt`` has the ids of the taxels with readings. ``has_owner``: the file states the strongest taxel of each row.
-    """
+    """Return the touches in the rows of a file; ``felt`` has the ids of taxels with readings, ``columns`` a table."""
     with naming_file(path):
         presses = find_presses(recorded, _centres(calibration))
     if (count := len(np.unique(presses.numbers[presses.numbers >= 0]))) > MAX_TOUCHES:
@@ -113,7 +108,7 @@ def touches_of(
             'presses, give the time or the number of the press in a column "time" or "press".'
         )
     with naming_file(path):
-        return replace(_touches(presses, felt, has_owner), sha256=file_hash(Path(path)) or "", unused=unused)
+        return replace(_touches(presses, felt, columns), sha256=file_hash(Path(path)) or "")
 
 
 class _Columns(NamedTuple):
@@ -233,7 +228,7 @@ def _centres(calibration: LinkCalibration) -> dict[str, Array]:
     return {name: position for part in parts for name, position in part}
 
 
-def _touches(presses: Presses, felt: tuple[str, ...], has_owner: bool) -> Touches:
+def _touches(presses: Presses, felt: tuple[str, ...], columns: _Columns | None) -> Touches:
     """Return the medians of all presses."""
     recorded, numbers = presses.recorded, presses.numbers
     order = np.argsort(numbers, kind="stable")
@@ -241,7 +236,7 @@ def _touches(presses: Presses, felt: tuple[str, ...], has_owner: bool) -> Touche
     groups = np.split(order, np.flatnonzero(np.diff(numbers[order])) + 1)
     groups.sort(key=lambda rows: int(rows[0]))
     readings = _medians(recorded.readings, groups) if felt else np.empty((0, 0))
-    if not has_owner:
+    if columns is None or columns.owner is None:
         taxels = tuple(felt[k] for k in readings.argmax(axis=1))
     else:
         taxels = tuple(_most_frequent(recorded.taxels[rows].tolist()) for rows in groups)
@@ -253,13 +248,15 @@ def _touches(presses: Presses, felt: tuple[str, ...], has_owner: bool) -> Touche
         for line, force in zip(lines.tolist(), np.linalg.norm(wrenches[:, :3], axis=1).tolist()):
             if not MIN_FORCE <= force < np.inf:
                 message = f"the force of {force:.3g} N gives no reliable line of action, which needs {MIN_FORCE:g} N"
-                raise TableError(line, f"{message} or more. Remove this touch")
+                column = 0 if columns is None else columns.numbers["fx"] + 1
+                raise TableError(line, f"{message} or more. Remove this touch", column)
         points, directions = lines_of_action(wrenches)
     return Touches(
         taxels,
         lines,
         points,
         directions,
+        () if columns is None else columns.unused,
         wrenches=wrenches,
         felt=felt,
         readings=readings,

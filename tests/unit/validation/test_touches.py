@@ -411,7 +411,7 @@ def test_tables_are_read_by_their_names(tmp_path):
         ([("taxel", "fx", "fy", "fz", "tx", "ty")], 'the header names no column "tz"'),
         (
             [("taxel", "fx", "fy", "fz", "tx", "ty", "tz"), ("s1.2", 0, 0, 0.01, 0, 0, 0)],
-            "line 2: the force of 0.01 N gives no reliable line of action",
+            "column 2: the force of 0.01 N gives no reliable line of action",
         ),
     ],
 )
