@@ -125,7 +125,7 @@ def test_full_disk_ends_with_one_line(calibration, tmp_path):
     command = [sys.executable, "-m", "skin_calib_addon", "run", calibration, "--input", f"udp:{port}", "--output"]
     with Process(tmp_path, "run", *limited, *command, "mcap:out.mcap") as run:
         run.wait_for(lambda run: "priority" in run.err)
-        send(port, packets(np.random.default_rng(1).integers(0, 4096, (1500, N)).astype(np.uint16)))
+        send(port, packets(np.random.default_rng(1).integers(0, 4096, (1500, N)).astype(np.uint16)), 2e-4)
         assert run.process.wait(WAIT) == 2
     assert run.err.splitlines()[-1].startswith("skin-calib: cannot write 'out.mcap': File too large.")
     with Process(tmp_path, "again", *command, "mcap:out.mcap") as again:
