@@ -89,7 +89,7 @@ def _with_registration(patch: Patch, found: SelfTouch, k: int) -> Patch:
         rest = covariance[:2, :2] - np.outer(covariance[:2, 2], covariance[:2, 2]) / covariance[2, 2]
         origin, direction = (np.sqrt(np.linalg.eigvalsh(part)[-1]) for part in (rest, covariance[2:, 2:]))
     limits = max(float(origin), MIN_ORIGIN_UNCERTAINTY), min(float(direction), MAX_DIRECTION_UNCERTAINTY)
-    return replace(patch, registration=Registration(*limits, point_of(anchor)))
+    return replace(patch, registration=Registration(*limits, point_of(anchor)), touches=None)  # of another place
 
 
 def _between(before: Array, after: Array) -> Rotation:
