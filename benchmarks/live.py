@@ -1,13 +1,13 @@
 """`skin-calib run` at 1 kHz with 1260 taxels of 16 bits: gaps, latency, processor time, by output, priority, load.
 
-    python -m benchmarks.live [--seconds 60] [--output dds mcap udp]
+    python -m benchmarks.live [--seconds 60] [--output dds mcap udp cpp]
 
 A sender with real-time priority sends a packet each millisecond. Latency is from the time in the packet to that at
 which an independent reader has the frame: in C with Cyclone DDS, else a socket that gets the frame before the file. It
 leaves out the first second, in which the program is late after the tare. The load is that of more processes that
 compute all the time. Pauses are those of a virtual machine: a process with the highest priority on each processor wakes
 5 ms late or more. The last column leaves out what was sent during a pause or up to twice its length later. It needs
-Linux, root, and what `tests/live/programs.py` names.
+Linux, root, and what `tests/live/programs.py` names. "cpp" is `cpp/examples/run.cpp`, built by `make cpp`.
 """
 
 import argparse
@@ -28,6 +28,7 @@ from skin_calib_addon.live import dds
 from skin_calib_addon.messages import decode
 from skin_calib_addon.messages.content import seconds
 from skin_calib_addon.messages.packet import packet
+from skin_calib_addon.runtime import load as load_skin
 from tests.live.programs import build, missing
 from tests.live.running import Process, Receiver, free_domain, free_port
 from tests.samples import sheet, small_calibration
@@ -44,20 +45,25 @@ def fifo(priority: int) -> None:
     os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
 
 
+def quiet() -> np.ndarray:
+    """Return readings at rest (t, n): noise about 30 counts."""
+    return np.rint(np.random.default_rng(1).normal(30, 1, (REST, ROWS * COLUMNS))).astype(np.uint16)
+
+
 def send(port: int, count: int) -> None:
-    """Send packets at 1 kHz: noise about a rest of 30 counts, then a press that moves."""
+    """Send packets at 1 kHz: readings at rest, then a press that moves."""
     rng, (row, column) = np.random.default_rng(0), np.indices((ROWS, COLUMNS))
     table = rng.normal(30, 1, (500, ROWS * COLUMNS))
     for k in range(500):
         table[k] += np.maximum(500 - 100 * np.hypot(row - 15, column - 5 - k / 17).ravel(), 0)
     pressed = np.rint(table).astype(np.uint16)
-    quiet = np.rint(rng.normal(30, 1, (REST, ROWS * COLUMNS))).astype(np.uint16)
-    out, period, start = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), 10**6, time.monotonic_ns()
+    at_rest, out = quiet(), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    period, start = 10**6, time.monotonic_ns()
     for k in range(count):
         time.sleep(max(start + k * period - time.monotonic_ns(), 0) / 1e9)
         if (late := time.monotonic_ns() - start - k * period) > PAUSE:
             start += late
-        values = quiet[k] if k < REST else pressed[k % 500]
+        values = at_rest[k] if k < REST else pressed[k % 500]
         out.sendto(packet(values, k, time.time_ns() // 1000), ("127.0.0.1", port))
 
 
@@ -108,10 +114,15 @@ def received(receiver: Receiver, sender: subprocess.Popen) -> Iterator[tuple[int
 def measure(folder: Path, calibration: Path, reader: Path, output: str, is_real_time: bool, frames: int) -> str:
     """Return a row of the table."""
     port, receiver = free_port(), Receiver()
-    outputs = {"dds": ["dds"], "udp": [], "mcap": [f"mcap:{folder / str(time.time_ns())}.mcap"]}[output]
+    outputs = {"dds": ["dds"], "mcap": [f"mcap:{folder / str(time.time_ns())}.mcap"]}.get(output, [])
     outputs += [] if output == "dds" else [f"udp:{receiver.port}"]
     command = [sys.executable, "-m", "skin_calib_addon", "run", calibration, "--input", f"udp:{port}"]
     command += ["--tare", REST, "--accept", *(word for one in outputs for word in ("--output", one))]
+    if output == "cpp":
+        skin = load_skin(calibration)
+        skin.tare(quiet(), accept=True)
+        skin.save_noise(folder / "noise.json")
+        command = [Path("build/cpp/run").resolve(), calibration, folder / "noise.json", port, receiver.port]
     with ExitStack() as stack:
         domain = stack.enter_context(free_domain())
         reading = [reader, domain, "forearm", "short"]
@@ -138,7 +149,7 @@ def measure(folder: Path, calibration: Path, reader: Path, output: str, is_real_
         assert run.stop() == 0
         if output == "dds":
             found = [tuple(map(int, line.split())) for line in listener.out.splitlines() if line[:1].isdigit()]
-        faults = run.out.partition("; ")[2].strip()
+        faults = run.out.replace("\n", ", ") if output == "cpp" else run.out.partition("; ")[2].strip()
     cycles, sent, late = np.array(found).T
     assert (np.diff(cycles) > 0).all()
     pauses = [tuple(map(int, line.split())) for one in watchers for line in one.out.splitlines()]
@@ -147,7 +158,7 @@ def measure(folder: Path, calibration: Path, reader: Path, output: str, is_real_
         is_calm = is_calm & ((sent < start - 10**7) | (sent > start + 3 * length))
     p50, p99, most = np.percentile(late[is_measured], (50, 99, 100)) / 1e3
     calm = np.percentile(late[is_calm], 99) / 1e3
-    gaps = frames - len(cycles)
+    gaps = frames - np.count_nonzero(cycles >= REST)
     return f"{gaps:6d} {p50:8.0f} {p99:8.0f} {most:9.0f} {used:7.0f} {len(pauses):7d} {calm:9.0f}   {faults}"
 
 
