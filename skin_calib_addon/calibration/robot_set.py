@@ -94,12 +94,17 @@ def load_robot_set(path: str | os.PathLike[str]) -> RobotSet:
 
 def save_robot_set(robot: RobotSet, folder: Path) -> None:
     """Write ``robot.json`` to the folder of the calibrations in one step."""
+    write_bytes_safely(folder / FILE, robot_bytes(robot))
+
+
+def robot_bytes(robot: RobotSet) -> bytes:
+    """Return the content of ``robot.json``."""
     links = [asdict(link) | {"chains": [asdict(chain) for chain in link.chains]} for link in robot.links]
     links = [{name: link[name] for name in link if name != "chains" or link["chains"]} for link in links]
     document = {"format": FORMAT, "version": ROBOT_VERSION, **asdict(robot), "links": links}
     if findings := check_robot_document(document):
         raise CalibrationFormatError(f"{FILE} cannot be written: {in_short(findings)}", findings)
-    write_bytes_safely(folder / FILE, (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
+    return (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 def load_links(path: str | os.PathLike[str]) -> tuple[dict[str, LinkCalibration], tuple[Warning, ...]]:

@@ -1,17 +1,36 @@
 """``export``: write the taxels of a calibration in the format of another program."""
 
 import argparse
+import hashlib
 import os
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from ..calibration.exchange import FORMATS, WRITABLE, listed, only_patches
 from ..calibration.exchange.usd import BINARY_USD
 from ..calibration.file import load_calibration
 from ..calibration.model import LinkCalibration
-from ..calibration.robot_set import FILE, changed_urdf, examined, is_robot, robot_file
-from ..common.atomic_file import check_writable, make_folder, write_bytes_safely
+from ..calibration.robot_set import (
+    FILE,
+    UrdfFile,
+    changed_urdf,
+    examined,
+    is_robot,
+    load_links,
+    load_robot_set,
+    robot_bytes,
+    robot_file,
+)
+from ..common.atomic_file import (
+    check_replaceable,
+    check_writable,
+    make_folder,
+    write_bytes_safely,
+    write_folder_safely,
+)
 from ..common.errors import OutputError, SkinCalibError, counted
+from ..common.strict_json import read
 from ..common.warnings import worst_first
 from ..robot.mjcf import MARK, robot_mjcf
 from ..robot.urdf import read_robot
@@ -22,25 +41,34 @@ from .common import (
     check_outputs,
     check_target,
     complain,
-    file_name,
     named_path,
+    names_folder,
+    not_empty,
     say,
+    warn,
 )
 
 ROBOT_FORMATS = ("mjcf", "newton")  # the formats of a whole robot
 PATTERN = "pattern"  # the format of paper: a picture, not of a program
+ROS_PACKAGE = "ros-package"  # the format of ROS 2: a folder
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = f"{listed(WRITABLE)}\n  {PATTERN:13} sheets on paper, 1:1 (.svg, .pdf)"
-    parser.add_argument(
-        "file", type=named_path, metavar="FILE", help="calibration file; robot.json, or its folder, as mjcf or newton"
+    parser.epilog = (
+        f"{listed(WRITABLE)}\n  {PATTERN:13} sheets on paper, 1:1 (.svg, .pdf)\n"
+        f"  {ROS_PACKAGE:13} ROS 2: description, layout, view (a folder with two packages)"
     )
     parser.add_argument(
-        "--to", required=True, choices=(*WRITABLE, PATTERN), metavar="FORMAT", help="one of the formats below"
+        "file",
+        type=named_path,
+        metavar="FILE",
+        help=f"calibration file; robot.json, or its folder, as mjcf, newton or {ROS_PACKAGE}",
     )
-    parser.add_argument("-o", "--output", required=True, type=file_name, metavar="OUT", help="file to write")
+    formats = (*WRITABLE, PATTERN, ROS_PACKAGE)
+    parser.add_argument("--to", required=True, choices=formats, metavar="FORMAT", help="one of the formats below")
+    help = f"file to write; with {ROS_PACKAGE} a folder"
+    parser.add_argument("-o", "--output", required=True, type=not_empty, metavar="OUT", help=help)
     parser.add_argument("--free-base", action="store_true", help="robot: it moves freely instead of being fixed")
     parser.add_argument("--actuators", action="store_true", help="robot: a motor for each joint, with its effort")
     parser.add_argument(
@@ -49,7 +77,12 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    if names_folder(options.output) and options.to != ROS_PACKAGE:
+        options.refuse(f"{options.output!r} ends with a slash, which means a folder. Name a file")
+    options.output = Path(options.output)
     check_outputs(options, options.file)
+    if options.to == ROS_PACKAGE:
+        return _export_ros_package(options)
     check_writable(options.output)
     if is_robot(options.file):
         return _export_robot(options)
@@ -129,6 +162,55 @@ def _export_robot(options: argparse.Namespace) -> int:
             f"{', '.join(model.balanced)}"
         )
     return WRONG_DATA if problems or model.problems or model.dead else DONE
+
+
+def _export_ros_package(options: argparse.Namespace) -> int:
+    """Write a ROS 2 package with the skins of a robot, or of a link, and the one with the messages."""
+    from ..messages.definitions import PACKAGE
+    from ..messages.ros_package import URDF, check_topics, package_files, package_name
+    from ..robot.ros_urdf import with_taxels
+
+    if options.free_base or options.actuators or options.patch:
+        raise OutputError(f"{ROS_PACKAGE} has no other options: the package has all patches.")
+    check_replaceable(options.output)
+    depends: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()
+    if not is_robot(options.file):
+        calibration = load_calibration(options.file)
+        name, root, calibrations = package_name(calibration.link), calibration.link, {calibration.link: calibration}
+        files = {URDF: FORMATS["urdf"].write(calibration), f"calibration/{options.file.name}": read(options.file)}
+    else:
+        robot, folder = load_robot_set(options.file), robot_file(options.file).parent
+        if robot.urdf is None:
+            raise SkinCalibError(f"{FILE} names no URDF. {FIT_WITH_URDF}")
+        calibrations, warnings = load_links(options.file)
+        urdf = read_robot(folder / robot.urdf.file)
+        check_topics(calibrations)
+        warn(warnings)
+        for finding in changed_urdf(robot, folder):
+            complain(f"{FILE}: {finding}")
+        problems = tuple(
+            f"error: {link} is not a link of {urdf.file}: the description has no frames of its taxels"
+            for link in calibrations
+            if link not in urdf.links
+        )
+        name, root = package_name(robot.robot), urdf.root
+        calibrations = {link: own for link, own in calibrations.items() if own.taxel_count}
+        known = {link: calibration for link, calibration in calibrations.items() if link in urdf.links}
+        described = with_taxels(folder / robot.urdf.file, urdf, known, name)
+        problems, depends = (*problems, *described.problems), described.packages
+        moved = replace(robot, urdf=UrdfFile(f"../{URDF}", hashlib.sha256(described.text).hexdigest()))
+        files = {URDF: described.text, **described.meshes, f"calibration/{FILE}": robot_bytes(moved)}
+        files |= {f"calibration/{link.calibration}": read(folder / link.calibration) for link in robot.links}
+    write_folder_safely(options.output, package_files(name, root, calibrations, files, depends))
+    for line in (*problems, *(line for calibration in calibrations.values() for line in _of_fit(calibration))):
+        complain(line)
+    taxels = sum(calibration.taxel_count for calibration in calibrations.values())
+    what = f"{counted(taxels, 'taxel')} on {counted(len(calibrations), 'link')}"
+    say(f"{options.output}: ROS 2 packages {PACKAGE} and {name}, {what}; build them with colcon")
+    if depends:
+        say(f"meshes are in other packages: {', '.join(depends)}")
+    return WRONG_DATA if problems else DONE
 
 
 def _of_fit(calibration: LinkCalibration) -> Iterator[str]:

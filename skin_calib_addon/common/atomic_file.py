@@ -1,19 +1,25 @@
-"""Replace files atomically: a reader sees the old bytes or the new ones, also after a crash."""
+"""Replace files atomically: a reader sees the old bytes or the new ones, also after a crash. Write whole folders."""
 
+import hashlib
+import json
 import os
 import re
 import secrets
+import shutil
 import stat
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from .errors import OutputError
+from .file_hash import file_hash
 
 # [s] age from which a temporary file belongs to a program that was killed. Larger: remains stay longer; smaller: slow
 # disks lose files.
 MAX_AGE = 60.0
-TEMPORARY = re.compile(r"\.skin-[0-9a-f]{16}\.tmp")  # names of temporary files
+TEMPORARY = re.compile(r"\.skin-[0-9a-f]{16}\.tmp")  # names of temporary files and folders
+LIST = "skin-calib.json"  # Format: file with the hashes of all other files of a folder that is written as a whole
 
 
 def write_bytes_safely(path: str | os.PathLike[str], data: bytes) -> None:
@@ -51,6 +57,54 @@ def make_folder(folder: Path) -> None:
         raise OutputError(f"the folder {folder} cannot be created: {problem}. Choose another one.") from problem
 
 
+def write_folder_safely(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write a folder with files, by their paths, as a whole; replace one that an earlier call wrote."""
+    check_replaceable(folder)
+    target = Path(os.path.realpath(folder))
+    hashes = {path: hashlib.sha256(data).hexdigest() for path, data in files.items()}
+    new, old = (target.with_name(f".skin-{secrets.token_hex(8)}.tmp") for _ in range(2))
+    try:
+        _remove_remains(target.parent)
+        try:
+            for path, data in {**files, LIST: (json.dumps(hashes, indent=2) + "\n").encode()}.items():
+                (new / path).parent.mkdir(parents=True, exist_ok=True)
+                _write_new(new / path, data, None)
+            with suppress(FileNotFoundError):
+                os.rename(target, old)
+            os.rename(new, target)
+        except BaseException:
+            if old.exists() and not target.exists():
+                os.rename(old, target)
+            raise
+        finally:
+            for remains in (new, old):
+                shutil.rmtree(remains, ignore_errors=True)
+        _sync_folder(target.parent)
+    except (OSError, ValueError) as problem:
+        reason = getattr(problem, "strerror", None) or problem
+        raise OutputError(f"cannot write '{folder}': {reason}. Choose another folder, or free disk space.") from problem
+
+
+def check_replaceable(folder: Path) -> None:
+    """Refuse a folder with anything else than what :func:`write_folder_safely` wrote to it."""
+    if not os.path.lexists(folder):
+        return
+    if not os.path.isdir(folder):
+        raise OutputError(f"{folder} exists, and is not a folder. Choose another name.")
+    found = [p.relative_to(folder).as_posix() for p in sorted(folder.rglob("*")) if p.is_symlink() or not p.is_dir()]
+    try:
+        hashes = json.loads((folder / LIST).read_bytes())
+        problems = [f"{p} is not of this export, or was edited" for p in found if p != LIST and _differs(p, hashes, folder)]
+    except (OSError, ValueError, AttributeError):
+        problems = ["it is not of an earlier export"] if found else []
+    if problems:
+        raise OutputError(f"{folder} would be replaced, but {problems[0]}. Choose another folder, or remove this one.")
+
+
+def _differs(path: str, hashes: Mapping[str, str], folder: Path) -> bool:
+    return hashes.get(path) is None or hashes[path] != file_hash(folder / path)
+
+
 def check_writable(path: str | os.PathLike[str]) -> None:
     """Raise OutputError if a file cannot be replaced: a folder, a device, or a file that is write-protected."""
     with suppress(OSError, ValueError):  # writing it states what is wrong
@@ -68,12 +122,12 @@ def is_same_file(a: Path, b: Path) -> bool:
 
 
 def _remove_remains(folder: Path) -> None:
-    """Remove the temporary files of programs that were killed while they wrote."""
+    """Remove the temporary files and folders of programs that were killed while they wrote."""
     with suppress(OSError):
         for path in folder.glob(".skin-*.tmp"):
             with suppress(OSError):
                 if TEMPORARY.fullmatch(path.name) and time.time() - path.stat().st_mtime > MAX_AGE:
-                    path.unlink()
+                    shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
 def _mode(target: Path) -> int | None:

@@ -1,6 +1,7 @@
 """Markers that Foxglove and RViz draw (``visualization_msgs/MarkerArray``), in MCAP files next to the frames."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import IO, Any
 
 import numpy as np
@@ -47,32 +48,35 @@ class McapView(McapSkin):
         """Write the cells. The frames are those that follow; their largest force is the darkest colour."""
         super().__init__(stream, calibration, skin, frames[0].time)
         self._maker, self._next = SceneMaker(calibration, skin, tuple(frames)), -np.inf
-        self._header = header(skin.link, frames[0].time)
-        cells = self._marker("cells", TRIANGLE_LIST, self._maker.cells, CELL_COLOUR, 1.0)
-        self._write("cells", [cells], frames[0].time, 0)
+        cells = cells_message(self._maker, skin.link, frames[0].time)
+        self.write("cells", encode(self.topics["cells"][0], cells), frames[0].time, 0)
 
     def add(self, readings: Mapping[str, Array], frame: Frame, cycle: int, lost: int = 0) -> None:
         """Write a frame, and its scene if the last one is old enough, or later."""
         super().add(readings, frame, cycle, lost)
         if self._next - SCENE_PERIOD < frame.time < self._next:
             return
-        self._next, self._header = frame.time + SCENE_PERIOD, header(self._link, frame.time)
+        self._next, marker = frame.time + SCENE_PERIOD, partial(_marker, header(self._link, frame.time))
         scene, width = self._maker.scene(frame), WIDTH_FRACTION * self._maker.size
-        markers = [self._marker("", ARROW, (), COP_COLOUR, 1.0, action=DELETE_ALL)]
+        markers = [marker("", ARROW, (), COP_COLOUR, 1.0, action=DELETE_ALL)]
         colours = np.repeat(np.column_stack((scene.colours, np.ones(len(scene.colours)))), 3, axis=0)
-        markers.append(self._marker("touched", TRIANGLE_LIST, scene.triangles, CELL_COLOUR, 1.0, colors=colours))
+        markers.append(marker("touched", TRIANGLE_LIST, scene.triangles, CELL_COLOUR, 1.0, colors=colours))
         for number, ends in enumerate(np.stack((scene.tails, scene.heads), axis=1)):
-            markers.append(self._marker("contacts", ARROW, ends, CONTACT_COLOUR, width, id=number))
+            markers.append(marker("contacts", ARROW, ends, CONTACT_COLOUR, width, id=number))
         for name, line in scene.polygons.items():
-            markers.append(self._marker(name, LINE_STRIP, line, POLYGON_COLOURS[name], width))
-        markers.append(self._marker("cop", SPHERE_LIST, scene.cop, COP_COLOUR, 4 * width))
-        self._write("scene", [m for m in markers if len(m["points"]) or m["action"]], frame.time, cycle)
+            markers.append(marker(name, LINE_STRIP, line, POLYGON_COLOURS[name], width))
+        markers.append(marker("cop", SPHERE_LIST, scene.cop, COP_COLOUR, 4 * width))
+        message = {"markers": [m for m in markers if len(m["points"]) or m["action"]]}
+        self.write("scene", encode(self.topics["scene"][0], message), frame.time, cycle)
 
-    def _write(self, topic: str, markers: list[Message], time: float, cycle: int) -> None:
-        self.write(topic, encode(self.topics[topic][0], {"markers": markers}), time, cycle)
 
-    def _marker(self, ns: str, kind: int, points: Any, colour: Any, size: float, **others: Any) -> Message:
-        """Return a marker with points (n, 3) [m]; ``size`` is the width of lines, or the diameter of spheres [m]."""
-        scale = np.array((size, 2 * size, 0.0)) if kind == ARROW else np.full(3, size)  # of an arrow: shaft, head
-        shape = {"type": kind, "points": np.reshape(points, (-1, 3)), "color": (*colour, 1.0), "scale": scale}
-        return PLAIN | {"header": self._header, "ns": ns} | shape | others
+def cells_message(maker: SceneMaker, link: str, time: float = 0.0) -> Message:
+    """Return the ``MarkerArray`` of all cells of a skin; at the time 0, viewers use the newest pose of the link."""
+    return {"markers": [_marker(header(link, time), "cells", TRIANGLE_LIST, maker.cells, CELL_COLOUR, 1.0)]}
+
+
+def _marker(head: Message, ns: str, kind: int, points: Any, colour: Any, size: float, **others: Any) -> Message:
+    """Return a marker with points (n, 3) [m]; ``size`` is the width of lines, or the diameter of spheres [m]."""
+    scale = np.array((size, 2 * size, 0.0)) if kind == ARROW else np.full(3, size)  # of an arrow: shaft, head
+    shape = {"type": kind, "points": np.reshape(points, (-1, 3)), "color": (*colour, 1.0), "scale": scale}
+    return PLAIN | {"header": head, "ns": ns} | shape | others

@@ -161,21 +161,28 @@ def write_frames(calibration: LinkCalibration) -> bytes:
     The frame of a taxel is fixed to the frame of its patch, and that frame is fixed to the link. The frame of a patch
     is at its taxel closest to the mean position.
     """
+    link = quoted(calibration.link)
+    lines = (f"{HEAD}<robot name={link}>", f"<link name={link}/>", *frames_of(calibration), "</robot>\n")
+    return "\n".join(lines).encode()
+
+
+def frames_of(calibration: LinkCalibration, prefix: str = "") -> list[str]:
+    """Return the frames of :func:`write_frames` for the URDF of a robot; their names begin with ``prefix``."""
     taxels = taxels_of(calibration)
-    patches = [patch.name for patch in calibration.patches]
-    for names, what in ((taxels.ids, "the id"), (patches, "the patch name"), ((taxels.link,), "the link name")):
+    patches = [prefix + patch.name for patch in calibration.patches]
+    ids, owners = ([prefix + name for name in names] for names in (taxels.ids, taxels.patches))
+    for names, what in ((ids, "the id"), (patches, "the patch name"), ((taxels.link,), "the link name")):
         refuse_labels(names, what)
-    refuse_repeats((taxels.link, *patches, *taxels.ids), "URDF")
-    lines = [f"{HEAD}<robot name={quoted(taxels.link)}>", f"<link name={quoted(taxels.link)}/>"]
+    refuse_repeats((taxels.link, *patches, *ids), "URDF")
+    lines = []
     shifts, turns = np.empty_like(taxels.positions), np.empty_like(taxels.axes)
-    for patch in patches:
-        rows = taxels.of(patch)
+    for patch, name in zip(calibration.patches, patches):
+        rows = taxels.of(patch.name)
         distance = np.linalg.norm(taxels.positions[rows] - taxels.positions[rows].mean(axis=0), axis=1)
         at, turn = taxels.positions[rows[distance.argmin()]], taxels.axes[rows[distance.argmin()]]
-        lines.append(_fixed(taxels.link, patch, at, rpy(turn[None])[0]))
+        lines.append(_fixed(taxels.link, name, at, rpy(turn[None])[0]))
         shifts[rows], turns[rows] = (taxels.positions[rows] - at) @ turn, turn.T @ taxels.axes[rows]
-    lines += map(_fixed, taxels.patches, taxels.ids, shifts, rpy(turns))
-    return ("\n".join(lines) + "\n</robot>\n").encode()
+    return [*lines, *map(_fixed, owners, ids, shifts, rpy(turns))]
 
 
 def _fixed(parent: str, name: str, position: Array, angles: Array) -> str:
