@@ -31,7 +31,7 @@ from ..common.atomic_file import (
 )
 from ..common.errors import OutputError, SkinCalibError, counted
 from ..common.strict_json import read
-from ..common.warnings import worst_first
+from ..common.warnings import Warning, worst_first
 from ..robot.mjcf import MARK, robot_mjcf
 from ..robot.urdf import read_robot
 from .common import (
@@ -167,14 +167,14 @@ def _export_robot(options: argparse.Namespace) -> int:
 def _export_ros_package(options: argparse.Namespace) -> int:
     """Write a ROS 2 package with the skins of a robot, or of a link, and the one with the messages."""
     from ..messages.definitions import PACKAGE
-    from ..messages.ros_package import URDF, check_topics, package_files, package_name
+    from ..messages.ros_package import URDF, package_files, package_name
     from ..robot.ros_urdf import with_taxels
 
     if options.free_base or options.actuators or options.patch:
         raise OutputError(f"{ROS_PACKAGE} has no other options: the package has all patches.")
     check_replaceable(options.output)
-    depends: tuple[str, ...] = ()
-    problems: tuple[str, ...] = ()
+    depends, warnings = tuple[str, ...](), tuple[Warning, ...]()
+    outdated, problems = list[str](), list[str]()
     if not is_robot(options.file):
         calibration = load_calibration(options.file)
         name, root, calibrations = package_name(calibration.link), calibration.link, {calibration.link: calibration}
@@ -185,25 +185,24 @@ def _export_ros_package(options: argparse.Namespace) -> int:
             raise SkinCalibError(f"{FILE} names no URDF. {FIT_WITH_URDF}")
         calibrations, warnings = load_links(options.file)
         urdf = read_robot(folder / robot.urdf.file)
-        check_topics(calibrations)
-        warn(warnings)
-        for finding in changed_urdf(robot, folder):
-            complain(f"{FILE}: {finding}")
-        problems = tuple(
+        outdated = [f"{FILE}: {finding}" for finding in changed_urdf(robot, folder)]
+        problems += [
             f"error: {link} is not a link of {urdf.file}: the description has no frames of its taxels"
             for link in calibrations
             if link not in urdf.links
-        )
+        ]
         name, root = package_name(robot.robot), urdf.root
         calibrations = {link: own for link, own in calibrations.items() if own.taxel_count}
         known = {link: calibration for link, calibration in calibrations.items() if link in urdf.links}
         described = with_taxels(folder / robot.urdf.file, urdf, known, name)
-        problems, depends = (*problems, *described.problems), described.packages
+        problems, depends = [*problems, *described.problems], described.packages
         moved = replace(robot, urdf=UrdfFile(f"../{URDF}", hashlib.sha256(described.text).hexdigest()))
         files = {URDF: described.text, **described.meshes, f"calibration/{FILE}": robot_bytes(moved)}
         files |= {f"calibration/{link.calibration}": read(folder / link.calibration) for link in robot.links}
     write_folder_safely(options.output, package_files(name, root, calibrations, files, depends))
-    for line in (*problems, *(line for calibration in calibrations.values() for line in _of_fit(calibration))):
+    warn(warnings)
+    of_fits = [line for calibration in calibrations.values() for line in _of_fit(calibration)]
+    for line in (*outdated, *problems, *of_fits):
         complain(line)
     taxels = sum(calibration.taxel_count for calibration in calibrations.values())
     what = f"{counted(taxels, 'taxel')} on {counted(len(calibrations), 'link')}"

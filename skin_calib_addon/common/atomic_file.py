@@ -94,8 +94,10 @@ def check_replaceable(folder: Path) -> None:
     found = [p.relative_to(folder).as_posix() for p in sorted(folder.rglob("*")) if p.is_symlink() or not p.is_dir()]
     try:
         hashes = json.loads((folder / LIST).read_bytes())
-        problems = [f"{p} is not of this export, or was edited" for p in found if p != LIST and _differs(p, hashes, folder)]
-    except (OSError, ValueError, AttributeError):
+        problems = [
+            f"{p} is not of this export, or was edited" for p in found if p != LIST and _differs(p, hashes, folder)
+        ]
+    except (OSError, ValueError, AttributeError, RecursionError):
         problems = ["it is not of an earlier export"] if found else []
     if problems:
         raise OutputError(f"{folder} would be replaced, but {problems[0]}. Choose another folder, or remove this one.")

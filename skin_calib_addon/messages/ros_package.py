@@ -20,8 +20,10 @@ from .scene import SceneMaker
 TEMPLATE = Path(__file__).parent / "ros_template"
 URDF = "urdf/robot.urdf"  # in the package
 # What the launch file starts, and what its messages are of.
-DEPENDS = ("joint_state_publisher", "launch", "launch_ros", "rclpy", "robot_state_publisher", "rosidl_runtime_py")
-DEPENDS += ("rviz2", PACKAGE, "visualization_msgs")
+DEPENDS = (
+    *("joint_state_publisher", "launch", "launch_ros", "rclpy", "robot_state_publisher", "rosidl_runtime_py", "rviz2"),
+    *(PACKAGE, "visualization_msgs"),
+)
 PACKAGE_NAME = re.compile("[a-z][a-z0-9_]*")  # Format: of names in package.xml
 DISPLAY = """    - Class: rviz_default_plugins/MarkerArray
       Name: {name}
@@ -41,7 +43,7 @@ def package_name(name: str) -> str:
     return f"{'robot_' * word[0].isdigit()}{word}_skin"
 
 
-def check_topics(links: Iterable[str]) -> None:
+def _check_topics(links: Iterable[str]) -> None:
     """Refuse links whose topics would be the same."""
     known: dict[str, str] = {}
     for link in links:
@@ -67,14 +69,18 @@ def message_files(calibrations: Iterable[LinkCalibration]) -> dict[str, bytes]:
 
 
 def package_files(
-    name: str, root: str, calibrations: Mapping[str, LinkCalibration], files: Mapping[str, bytes], depends: Iterable[str]
+    name: str,
+    root: str,
+    calibrations: Mapping[str, LinkCalibration],
+    files: Mapping[str, bytes],
+    depends: Iterable[str],
 ) -> dict[str, bytes]:
     """Return all files of a package and of ``skin_calib_msgs``, by their paths.
 
     ``root`` is the link of RViz, ``files`` are those of the folders ``calibration``, ``urdf`` and ``meshes``, and
     ``depends`` names packages that have meshes.
     """
-    check_topics(calibrations)
+    _check_topics(calibrations)
     messages = {f"messages/{file}": data for file, data in message_files(calibrations.values()).items()}
     displays = [
         DISPLAY.format(

@@ -196,6 +196,7 @@ def test_commands_of_the_live_page_run(after_readme, domain, tmp_path):
     environment = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT), "ROS_DOMAIN_ID": domain}
     shell = partial(subprocess.Popen, cwd=folder, env=environment, text=True, stdout=PIPE, stderr=PIPE)
     blocks, running = re.findall(r"```sh\n(.*?)```", LIVE.read_text("utf-8"), re.DOTALL), None
+    printed = ""
     for block in blocks:
         if "skin-calib run" in block:
             running = shell(shlex.split(block))
@@ -204,12 +205,13 @@ def test_commands_of_the_live_page_run(after_readme, domain, tmp_path):
         done = shell(["bash", "-c", block])
         out, err = done.communicate()
         assert done.returncode == 0, err
+        printed += out + err
         if running is not None:
             sent = re.fullmatch(r"(\d+) packets sent\n", out).group(1)
             running.send_signal(signal.SIGINT)
             assert running.communicate()[0].startswith(f"{sent} frames of {sent} readings") and running.returncode == 0
             running = None
-    assert f"frames           {sent}, " in out and "warning" not in err
+    assert f"frames           {sent}, " in printed and "warning" not in printed
 
 
 @pytest.mark.parametrize("page", ["reference/window.md", "tutorial/blender.md", "how-to/planes.md", "how-to/boards.md"])

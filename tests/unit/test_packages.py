@@ -50,6 +50,7 @@ def test_wheel_has_one_licence_and_types(tmp_path):
         assert "skin_calib_addon/runtime/noise_schema.json" in names
         ours = "skin_calib_addon/messages/skin_calib_msgs"
         assert {f"{ours}/package.xml", f"{ours}/CMakeLists.txt", f"{ours}/msg/SkinFrame.msg"} <= {*names}
+        assert "skin_calib_addon/messages/ros_template/package.xml.in" in names
         assert not [n for n in names if "blender" in n or n.startswith(("operators", "panels", "tests"))]
         assert not [n for n in names if n.endswith(".py") and b"GPL" in wheel.read(n)]
 
