@@ -22,13 +22,7 @@ from ..calibration.robot_set import (
     robot_bytes,
     robot_file,
 )
-from ..common.atomic_file import (
-    check_replaceable,
-    check_writable,
-    make_folder,
-    write_bytes_safely,
-    write_folder_safely,
-)
+from ..common.atomic_file import check_writable, make_folder, write_bytes_safely, write_folder_safely
 from ..common.errors import OutputError, SkinCalibError, counted
 from ..common.strict_json import read
 from ..common.warnings import Warning, worst_first
@@ -172,7 +166,6 @@ def _export_ros_package(options: argparse.Namespace) -> int:
 
     if options.free_base or options.actuators or options.patch:
         raise OutputError(f"{ROS_PACKAGE} has no other options: the package has all patches.")
-    check_replaceable(options.output)
     depends, warnings = tuple[str, ...](), tuple[Warning, ...]()
     outdated, problems = list[str](), list[str]()
     if not is_robot(options.file):
@@ -196,7 +189,9 @@ def _export_ros_package(options: argparse.Namespace) -> int:
         known = {link: calibration for link, calibration in calibrations.items() if link in urdf.links}
         described = with_taxels(folder / robot.urdf.file, urdf, known, name)
         problems, depends = [*problems, *described.problems], described.packages
-        moved = replace(robot, urdf=UrdfFile(f"../{URDF}", hashlib.sha256(described.text).hexdigest()))
+        # With the former hash, "check" repeats in the package that the URDF has changed.
+        now = robot.urdf.sha256 if outdated else hashlib.sha256(described.text).hexdigest()
+        moved = replace(robot, urdf=UrdfFile(f"../{URDF}", now))
         files = {URDF: described.text, **described.meshes, f"calibration/{FILE}": robot_bytes(moved)}
         files |= {f"calibration/{link.calibration}": read(folder / link.calibration) for link in robot.links}
     write_folder_safely(options.output, package_files(name, root, calibrations, files, depends))

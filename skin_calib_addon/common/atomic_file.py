@@ -59,7 +59,7 @@ def make_folder(folder: Path) -> None:
 
 def write_folder_safely(folder: Path, files: Mapping[str, bytes]) -> None:
     """Write a folder with files, by their paths, as a whole; replace one that an earlier call wrote."""
-    check_replaceable(folder)
+    _check_replaceable(folder)
     target = Path(os.path.realpath(folder))
     hashes = {path: hashlib.sha256(data).hexdigest() for path, data in files.items()}
     new, old = (target.with_name(f".skin-{secrets.token_hex(8)}.tmp") for _ in range(2))
@@ -85,7 +85,7 @@ def write_folder_safely(folder: Path, files: Mapping[str, bytes]) -> None:
         raise OutputError(f"cannot write '{folder}': {reason}. Choose another folder, or free disk space.") from problem
 
 
-def check_replaceable(folder: Path) -> None:
+def _check_replaceable(folder: Path) -> None:
     """Refuse a folder with anything else than what :func:`write_folder_safely` wrote to it."""
     if not os.path.lexists(folder):
         return

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import runpy
 import shutil
 import subprocess
@@ -38,7 +39,8 @@ URDF = """<?xml version="1.0"?>
   <link name="{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
     <visual><geometry><mesh filename="a/tube 1.ply"/></geometry></visual>
     <collision><geometry><mesh filename="b/tube 1.ply" scale="1 1 2"/></geometry></collision></link>
-  <link name="{1}"><visual><geometry><mesh filename="package://other/arm.stl"/></geometry></visual></link>
+  <link name="{1}"><visual><geometry><mesh filename="package://other/arm.stl"/></geometry></visual>
+    <collision><geometry><mesh filename="a/tube 1.ply"/></geometry></collision></link>
   <joint name="a" type="revolute"><parent link="base"/><child link="{0}"/><origin xyz="1 2 3" rpy="0 0 0.5"/>
     <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
   <joint name="b" type="fixed"><parent link="{0}"/><child link="{1}"/><origin xyz="0 0 0.3"/></joint>
@@ -87,6 +89,7 @@ def test_packages_are_those_of_ros(package):
         found = parse_package(folder, warnings=warnings)
         found.validate(warnings=warnings)
         assert not warnings and found.name == folder.name and found.get_build_type() == "ament_cmake"
+        assert "ament_cmake" in {depend.name for depend in found.buildtool_depends}
         depends = {depend.name for depend in found.exec_depends}
     assert "geometry_msgs" in depends
     needed = {depend.name for depend in parse_package(package).exec_depends}
@@ -136,14 +139,12 @@ def test_frames_of_taxels_are_at_the_taxels(package):
     mujoco = pytest.importorskip("mujoco", reason="pip install mujoco")
     text = (package / "urdf" / "robot.urdf").read_text("utf-8")
     assert "<!-- stays -->" in text and text.count('"package://other/arm.stl"') == 1
-    assert text.count(f'"package://{package.name}/meshes/tube_1.ply"') == 1
+    assert text.count(f'"package://{package.name}/meshes/tube_1.ply"') == 2
     assert text.count(f'"package://{package.name}/meshes/1_tube_1.ply" scale="1 1 2"') == 1
     for name, part in (("tube_1.ply", "a"), ("1_tube_1.ply", "b")):
         original = package.parents[1] / part / "tube 1.ply"
         assert (package / "meshes" / name).read_bytes() == original.read_bytes()
-    head, _, rest = text.partition("<visual>")
-    middle = rest.partition("</collision>")[2].partition("<visual>")
-    spec = mujoco.MjSpec.from_string(head + middle[0] + middle[2].partition("</visual>")[2])  # without shapes
+    spec = mujoco.MjSpec.from_string(re.sub("<visual>.*?</collision>", "", text, flags=re.DOTALL))
     spec.compiler.fusestatic = False
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -332,7 +333,10 @@ def test_missing_mesh_and_unknown_link_are_one_line_each(robot, tmp_path, capsys
     lines = [line for line in capsys.readouterr().err.splitlines() if "[duplicate-" not in line]
     assert len(lines) == 3 and "has changed" in lines[0] and "arm is not a link of bot.urdf" in lines[1]
     assert "the mesh file b/tube 1.ply of bot.urdf was not found" in lines[2]
-    text = (tmp_path / "out" / "bot_2_3_skin" / "urdf" / "robot.urdf").read_text("utf-8")
+    package = tmp_path / "out" / "bot_2_3_skin"
+    main(["check", str(package / "calibration")])
+    assert "has changed; fit the plans again" in capsys.readouterr().out
+    text = (package / "urdf" / "robot.urdf").read_text("utf-8")
     assert '"b/tube 1.ply"' in text and '"left sole/s0.0"' in text and '"arm/s0.0"' not in text
 
 
