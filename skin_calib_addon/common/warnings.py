@@ -38,6 +38,7 @@ ORDER = (
     "board-gap",
     "board-overhang",
     "empty-group",
+    "placed-anew",
     "no-uncertainty",
     # what the fit leaves out
     "short-surface",
