@@ -11,6 +11,7 @@ below 1000.
 import argparse
 import sys
 import tempfile
+import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -20,11 +21,18 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+import trimesh
+from scipy.spatial.transform import Rotation
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from skin_calib_addon.calibration import LinkCalibration, MeshSource, Patch, TaxelArray  # noqa: E402
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh  # noqa: E402
+from skin_calib_addon.inspection.touch_file import read_touch_file  # noqa: E402
+from skin_calib_addon.pipeline import calibrate  # noqa: E402
+from skin_calib_addon.plan import load_plan  # noqa: E402
+from skin_calib_addon.robot.link_mesh import load_plan_mesh  # noqa: E402
 from skin_calib_addon.validation import (  # noqa: E402
     Placement,
     Touches,
@@ -37,6 +45,7 @@ from skin_calib_addon.validation.flat import flat_places  # noqa: E402
 from skin_calib_addon.validation.gains import fit_gains  # noqa: E402
 from skin_calib_addon.validation.gravity import read_orientations  # noqa: E402
 from skin_calib_addon.validation.placement import MAX_UNEXPLAINED  # noqa: E402
+from skin_calib_addon.validation.tool import OF_LINK, OF_TOOL  # noqa: E402
 
 ROWS, COLUMNS, PITCH, RADIUS = 6, 20, 0.01, 0.033  # [m]; the sheet nearly closes round the limb
 SHIFT, TURN = 3e-3, np.deg2rad(2.0)  # standard deviations of a moved skin [m, rad]
@@ -498,6 +507,103 @@ def planned_sets(sets: int, seed: int) -> Iterator[str]:
         yield line(f"planned, {count} presses, strongest cell", errors, "better than random")
 
 
+LEVER, TIP_RADIUS = 0.15, 4e-3  # of the tool: from the origin of its pose to the middle of its tip [m]
+
+
+@cache
+def wrist() -> tuple[LinkCalibration, TriangleMesh]:
+    """Return the wrist of the samples with its mesh, whose faces are divided to 100 000."""
+    plan = load_plan(ROOT / "sample_scenes" / "wrist.plan.json")
+    mesh = load_plan_mesh(plan)
+    while len(mesh.faces) < 100_000:
+        mesh = TriangleMesh(*trimesh.remesh.subdivide(mesh.vertices, mesh.faces))
+    return calibrate(plan).calibration, mesh
+
+
+def wand() -> trimesh.Trimesh:
+    """Return a tool of 5000 triangles: a handle with a spherical tip at the end of its lever."""
+    tip, handle = trimesh.creation.icosphere(4, TIP_RADIUS), trimesh.creation.cylinder(2e-3, LEVER - 2e-3)
+    tip.apply_translation((0, 0, LEVER))
+    handle.apply_translation((0, 0, LEVER / 2))
+    return trimesh.util.concatenate([tip, handle])
+
+
+def tool_session(
+    folder: Path, rng: np.random.Generator, noise: float, turn: float, rows: int, with_link: bool, count: int = 40
+) -> tuple[Path, Array, Array]:
+    """Write poses of the wand and the wrist in the world; return the file, and true points and normals (n, 3).
+
+    The tip is -0.3 to 0.7 mm inside the link, its handle leans by 15 degrees at random. Each row has its own noise.
+    Without the pose of the link, that of the tool is in its frame.
+    """
+    calibration, mesh = wrist()
+    middles, normals = mesh.triangles.mean(axis=1), mesh.face_normals
+    taxels = calibration.patches[0].taxels
+    near = np.linalg.norm(middles[:, None] - taxels.positions_link[::5], axis=2).min(axis=1) < 0.01
+    faces = rng.choice(np.flatnonzero(near), count, replace=False)
+    points, normals = middles[faces], normals[faces]
+    leaning = Rotation.from_rotvec(np.deg2rad(15) * rng.normal(size=(count, 3))).apply(-normals)
+    turns = [Rotation.align_vectors([a], [(0, 0, 1.0)])[0] for a in leaning]
+    points = points - normals * rng.uniform(-0.3e-3, 0.7e-3, (count, 1))
+    tips = points + normals * TIP_RADIUS
+    lines = ["taxel,press," + ",".join((*OF_TOOL, *OF_LINK * with_link)), "# tool: wand.stl mm"]
+    for k, (tip, rotation) in enumerate(zip(tips, turns)):
+        link, at = Rotation.random(random_state=rng), rng.uniform(-1, 1, 3)
+        if not with_link:
+            link, at = Rotation.identity(), np.zeros(3)
+        origin = tip - rotation.apply((0, 0, LEVER))
+        for _ in range(rows):
+            numbers = []
+            for r, p in ((link * rotation, link.apply(origin) + at), (link, at))[: 1 + with_link]:
+                r = Rotation.from_rotvec(rng.normal(0, turn, 3)) * r
+                numbers += [*(p + rng.normal(0, noise, 3)), *r.as_quat()]
+            lines.append(f"{taxels.ids[0]},{k}," + ",".join(f"{x:.6f}" for x in numbers))
+    mesh = wand()
+    mesh.apply_scale(1e3)
+    (folder / "wand.stl").write_bytes(mesh.export(file_type="stl"))
+    (folder / "session.csv").write_text("\n".join(lines) + "\n")
+    return folder / "session.csv", points, normals
+
+
+def tool_sets(sets: int, seed: int) -> Iterator[str]:
+    """Yield the error of the point of touch by poses of motion capture, and what is stated about it."""
+    for noise, turn, rows, with_link in (
+        (0.0, 0.0, 1, True),
+        (0.2e-3, 0.2, 1, False),
+        (0.2e-3, 0.2, 1, True),
+        (0.2e-3, 0.2, 20, True),
+        (0.2e-3, 0.7, 1, True),
+    ):
+        nearest, of_centroids, along, stated, count, seconds = [], [], [], [], 0, 0.0
+        for k in range(max(sets // 40, 1)):
+            rng = np.random.default_rng(seed + k)
+            with tempfile.TemporaryDirectory() as folder:
+                path, points, normals = tool_session(Path(folder), rng, noise, np.deg2rad(turn), rows, with_link)
+                start = time.perf_counter()
+                found = read_touch_file(path, wrist()[0], lambda: wrist()[1]).tool
+                seconds = time.perf_counter() - start
+            errors = found.points - points
+            nearest += np.linalg.norm(errors, axis=1).tolist()
+            along += np.linalg.norm(errors - (errors * normals).sum(axis=1)[:, None] * normals, axis=1).tolist()
+            of_centroids += np.linalg.norm(found.centroids - points[found.intersecting], axis=1).tolist()
+            count += len(points)
+            if found.poses.noise:
+                levers = (
+                    np.linalg.norm(found.points - found.poses.positions, axis=1),
+                    np.linalg.norm(found.points, axis=1),
+                )
+                both = zip((found.poses.noise, found.poses.noise_of_link), levers)
+                stated.append(np.sqrt(2 * sum(one.at(float(lever.mean())) ** 2 for one, lever in both)))
+        near, far, flat = (1e3 * np.sqrt(np.mean(np.square(e))) for e in (nearest, of_centroids, along))
+        poses = "tool and link" if with_link else "tool"
+        yield (
+            f"{poses}, {1e3 * noise} mm and {turn} degrees, {rows:2} rows: {count} touches  nearest approach "
+            f"{near:.2f} mm rms ({flat:.2f} along the surface), centroid {far:.2f} mm in {len(of_centroids) / count:.0%}"
+            + (f"; stated for a row {1e3 * np.mean(stated):.2f} mm" if stated else "")
+            + f"; {seconds:.1f} s for 40 presses  [.8]"
+        )
+
+
 STUDIES = {
     "random": random_sets,
     "planned": planned_sets,
@@ -508,6 +614,7 @@ STUDIES = {
     "wiring": wiring_sets,
     "response": response_sets,
     "gravity": gravity_sets,
+    "tool": tool_sets,
 }
 
 

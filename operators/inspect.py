@@ -154,7 +154,7 @@ class SKIN_OT_touches(LooksAtFile, Operator):
     filter_glob: bpy.props.StringProperty(default="*.csv;*.mcap", options={"HIDDEN"})
 
     def look(self, context, path):
-        found = comparing.compare_touches(context.object, path)
+        found = comparing.compare_touches(context.object, context, path)
         return f"{sum(len(placement.rows) for placement in found)} touches compared"
 
 
@@ -175,7 +175,7 @@ class SKIN_OT_touches_move(Edit, Operator):
     blocked_by = (no_link, no_fit, no_touches, is_changed)
 
     def edit(self, context, plan):
-        comparing.move_to_touches(context.object, context.scene)
+        comparing.move_to_touches(context.object, context)
 
 
 class SKIN_OT_touches_end(Operator):

@@ -18,6 +18,7 @@ from ..common.findings import did_you_mean, show
 from ..common.tables import has_columns
 from ..common.warnings import Place, Warning
 from ..inspection.touch_file import read_touch_file
+from ..pipeline.sources import mesh_of
 from ..validation import directions_of
 from ..validation.gains import fit_gains
 from .common import DONE, check_outputs, file_name, named_path, say, say_unused, warn
@@ -74,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _of_session(options: argparse.Namespace, calibration: LinkCalibration) -> int:
     """Fit gains and a curve to presses of many taxels at once."""
-    touches = read_touch_file(options.measurements, calibration)
+    touches = read_touch_file(options.measurements, calibration, lambda: mesh_of(options.file, calibration))
     directions, touches = directions_of(calibration, touches)
     try:
         fit = fit_gains(calibration, touches)

@@ -12,8 +12,10 @@ from ..common.tables import has_columns
 from ..inspection.touch_file import read_touch_file
 from ..pipeline import calibrate
 from ..pipeline.refine import refine
+from ..pipeline.sources import mesh_of
 from ..pipeline.touch_distance import check_touches
 from ..plan import FORMAT, load_plan, named_from, save_plan
+from ..robot.link_mesh import load_plan_mesh
 from ..validation import Placement, directions_of, placements, summarize
 from ..validation.gravity import ACCELERATION, read_orientations, rotated
 from .common import DONE, check_outputs, file_name, named_path, not_empty, say, say_unused, warn
@@ -23,11 +25,13 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "TOUCHES is a CSV file. Each row has the taxel (or channel) with the largest reading, or the readings of all "
         "taxels in columns with their ids, and the position x, y, z of the probe [m] or the wrench fx, fy, fz, tx, ty, "
-        "tz of a force-torque sensor [N, N m], in the link frame. The columns time [s] or press state which rows are "
-        "one press. Or it is an MCAP file with SkinReading, and with WrenchStamped or PointStamped in the link frame. "
-        "Or it has what accelerometers of taxels measure at rest: ax, ay, az [m/s^2] in the axes of the taxel, and the "
-        "direction of gravity gx, gy, gz in the link frame. For robot.json, TOUCHES are those of the robot on itself: "
-        "the angles of its joints [rad], the tip that touched, and the taxels that felt it."
+        "tz of a force-torque sensor [N, N m], in the link frame. Or it has the pose of a tool (tool_x to tool_qw) in "
+        "the link frame, or those of tool and link (link_x to link_qw) in the world, and a comment # tool: FILE UNIT "
+        "with the mesh of the tool. The columns time [s] or press state which rows are one press. Or it is an MCAP "
+        "file with SkinReading, and WrenchStamped or PointStamped in the link frame. Or it has what accelerometers "
+        "of taxels measure at rest: ax, ay, az [m/s^2] in the axes of the taxel, and the direction of gravity gx, gy, "
+        "gz in the link frame. For robot.json, TOUCHES are those of the robot on itself: the angles of its joints "
+        "[rad], the tip that touched, and the taxels that felt it."
     )
     parser.add_argument("file", type=named_path, metavar="FILE", help="calibration or plan; robot.json, or its folder")
     parser.add_argument("touches", type=named_path, metavar="TOUCHES", help="CSV or MCAP file of measured touches")
@@ -64,7 +68,9 @@ def run(options: argparse.Namespace) -> int:
         if options.refine or options.picture:
             options.refuse("accelerations show the orientation of taxels; --refine and --picture need touches")
         return _orientations(options.touches, calibration)
-    touches = read_touch_file(options.touches, calibration)
+    touches = read_touch_file(
+        options.touches, calibration, lambda: load_plan_mesh(plan) if plan else mesh_of(options.file, calibration)
+    )
     check_touches(calibration, touches)
     found = placements(calibration, touches)
     directions, _ = directions_of(calibration, touches)
@@ -74,11 +80,14 @@ def run(options: argparse.Namespace) -> int:
     say_unused(touches.unused)
     if directions:
         say(f"forces           {directions.summary()}")
+    for name, line in touches.tool.summary() if touches.tool else ():
+        say(f"{name:16} {line}")
     _report(found)
     of_fit = result.warnings if result else ()
     in_order = not any(placement.wiring.order.words for placement in found)
     of_forces = directions.warnings() if directions and in_order else ()
-    warn((*of_fit, *of_forces, *(warning for placement in found for warning in placement.warnings())))
+    of_tool = touches.tool.warnings() if touches.tool else ()
+    warn((*of_fit, *of_tool, *of_forces, *(warning for placement in found for warning in placement.warnings())))
     if options.refine and plan and result:
         refined = refine(plan, result, touches)
         found = refined.placements

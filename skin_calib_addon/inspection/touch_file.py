@@ -1,6 +1,7 @@
 """Touches from any file: a table, or an MCAP file with readings and what was measured with them."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,24 +10,30 @@ from ..calibration.model import LinkCalibration
 from ..common.arrays import Array
 from ..common.errors import CalibrationFormatError, listed
 from ..common.findings import show
+from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..messages.mcap_file import PROBES, RecordedReadings
 from ..validation import Touches, read_touches
 from ..validation.presses import Recorded
 from ..validation.touches import MAX_NUMBERS, touches_of
+from .tool_contacts import tool_contacts
 
 # [s] between a reading and the nearest wrench or point, above which the reading is left out. Larger: readings in gaps
 # of the recording get a wrench that was not measured.
 MAX_GAP = 0.1
 
 
-def read_touch_file(path: str | os.PathLike[str], calibration: LinkCalibration) -> Touches:
+def read_touch_file(
+    path: str | os.PathLike[str], calibration: LinkCalibration, link_mesh: Callable[[], TriangleMesh]
+) -> Touches:
     """Read touches from a table as `read_touches`, or from an MCAP file.
+
+    ``link_mesh`` returns the mesh of the link, which poses of a tool need.
 
     An MCAP file has the readings of the link (``SkinReading``), and wrenches (``WrenchStamped``) or points of the probe
     (``PointStamped``) in its frame: their ``frame_id`` is the link. They are interpolated at the times of the readings.
     """
     if Path(path).suffix.lower() != ".mcap":
-        return read_touches(path, calibration)
+        return read_touches(path, calibration, lambda poses: tool_contacts(poses, link_mesh()))
     found = RecordedReadings(Path(path), calibration.link, MAX_NUMBERS, with_probes=True)
     probes = {field: np.array(rows) for field, rows in found.probes.items() if rows}
     if not probes:

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
@@ -13,9 +14,10 @@ import scipy
 
 from .. import __version__
 from ..calibration import robot_set
+from ..calibration.model import LinkCalibration
 from ..calibration.source_record import Source, load_source
 from ..common.atomic_file import is_same_file
-from ..common.errors import SkinCalibError
+from ..common.errors import InvalidMesh, SkinCalibError
 from ..common.file_hash import file_hash
 from ..common.strict_json import parse, read
 from ..geometry.mesh.triangle_mesh import METRES_PER_UNIT, TriangleMesh, read_mesh
@@ -103,6 +105,19 @@ def matching_mesh(path: Path, sha256: str, link: str = "") -> TriangleMesh | Non
         raw = read_mesh(path)
         candidates = [TriangleMesh(raw.vertices * metres, raw.faces) for metres in METRES_PER_UNIT.values()]
     return next((mesh for mesh in candidates if mesh.sha256 == sha256), None)
+
+
+def mesh_of(path: Path, calibration: LinkCalibration) -> TriangleMesh:
+    """Return the mesh of a calibration file, if it is unchanged where its record names it, or next to the file."""
+    record = load_source(path)
+    for name in dict.fromkeys(((record.mesh,) if record else ()) + (calibration.mesh.file,)):
+        with suppress(SkinCalibError):
+            if (mesh := matching_mesh(path.parent / name, calibration.mesh.sha256, calibration.link)) is not None:
+                return mesh
+    raise InvalidMesh(
+        f"{calibration.mesh.file}, the mesh of '{path}', is not found unchanged. "
+        "Name the plan instead of the calibration."
+    )
 
 
 def is_same_mesh(path: Path, sha256: str, link: str = "") -> bool:

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
 from ..common.tables import TableError
+from .tool import ToolRows
 
 # [s] at the start of a recording without contact. Larger: less noise of the tare, longer waiting.
 REST_TIME = 1.0
@@ -32,6 +33,7 @@ class Recorded:
     readings: Array  # (n, k)
     times: Array | None  # (n,) not decreasing [s]
     presses: Array | None  # (n,) numbers; negative between presses
+    tool: ToolRows | None = None  # whose origins are the points
 
 
 @dataclass(frozen=True, eq=False)

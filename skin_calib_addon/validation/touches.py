@@ -3,7 +3,7 @@
 import os
 import re
 from array import array
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -19,12 +19,13 @@ from ..common.findings import show
 from ..common.tables import TableError, find_column, names_without, naming_file, number_in, read_named_rows
 from ..common.text import read_text
 from .presses import Presses, Recorded, find_presses
+from .tool import OF_LINK, OF_TOOL, ToolContacts, ToolPoses, ToolRows
 
 POINT = ("x", "y", "z")
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 # Contract: units that the header can name in brackets, by the kind of the column.
 UNITS = {
-    **dict.fromkeys(POINT, {"m": 1.0, "cm": 1e-2, "mm": 1e-3}),
+    **dict.fromkeys((*POINT, *OF_TOOL[:3], *OF_LINK[:3]), {"m": 1.0, "cm": 1e-2, "mm": 1e-3}),
     **dict.fromkeys(WRENCH[:3], {"n": 1.0}),
     **dict.fromkeys(WRENCH[3:], {"n m": 1.0, "nm": 1.0, "n mm": 1e-3, "nmm": 1e-3}),
     **dict.fromkeys(("ax", "ay", "az"), {"m/s^2": 1.0, "g": 9.80665}),
@@ -59,6 +60,7 @@ class Touches:
     rows: int = 0  # of the file
     recording: Presses | None = None  # the rows of the file
     sha256: str = ""  # of the file; empty: not from a file
+    tool: ToolContacts | None = None  # from whose mesh the points are; None: they are in the file
 
     def __post_init__(self):
         n = len(self.taxels)
@@ -72,7 +74,12 @@ class Touches:
         )
 
 
-def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> Touches:
+FindContacts = Callable[[ToolPoses], ToolContacts]
+
+
+def read_touches(
+    path: str | os.PathLike[str], calibration: LinkCalibration, find_contacts: FindContacts | None = None
+) -> Touches:
     """Read a table of touches, or a recording of them.
 
     The header has ``taxel`` or ``channel`` (the one with the largest reading), or the ids of all taxels of a skin
@@ -82,14 +89,21 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
     - ``fx``, ``fy``, ``fz``, ``tx``, ``ty``, ``tz``: the wrench about the origin of the link, measured by a
       force-torque sensor [N, N m].
 
+    Instead of a point, the pose of a tool in the frame of the link is ``tool_x``, ``tool_y``, ``tool_z`` [m],
+    ``tool_qx``, ``tool_qy``, ``tool_qz``, ``tool_qw``. With ``link_x`` and so on, that of the link, both are in the
+    world. A comment ``# tool: FILE UNIT`` names the mesh of the tool, ``find_contacts`` returns its points of touch.
+
     ``press`` numbers the presses, ``time`` [s] finds them. The header can name other units in brackets, ``x [mm]``. A
     comment ``# link: NAME`` or a column ``link`` names the link. The order and the case of the names are free.
     """
     with naming_file(path):
         text = read_text(path)
         _check_link(text, calibration.link)
-        recorded, columns = _read(text, calibration)
-    return touches_of(recorded, tuple(columns.felt), calibration, path, columns)
+        recorded, columns = _read(text, calibration, Path(path).parent)
+    if recorded.tool is not None and find_contacts is None:
+        message = "has poses of a tool, whose points of touch need the mesh of the link. Name the plan"
+        raise CalibrationFormatError(f"'{path}' {message} instead of the calibration.")
+    return touches_of(recorded, tuple(columns.felt), calibration, path, columns, find_contacts)
 
 
 def touches_of(
@@ -98,6 +112,7 @@ def touches_of(
     calibration: LinkCalibration,
     path: str | os.PathLike[str],
     columns: "_Columns | None" = None,
+    find_contacts: FindContacts | None = None,
 ) -> Touches:
     """Return the touches in the rows of a file; ``felt`` has the ids of taxels with readings, ``columns`` a table."""
     with naming_file(path):
@@ -108,7 +123,7 @@ def touches_of(
             'presses, give the time or the number of the press in a column "time" or "press".'
         )
     with naming_file(path):
-        return replace(_touches(presses, felt, columns), sha256=file_hash(Path(path)) or "")
+        return replace(_touches(presses, felt, columns, find_contacts), sha256=file_hash(Path(path)) or "")
 
 
 class _Columns(NamedTuple):
@@ -134,7 +149,12 @@ class _Columns(NamedTuple):
         wanted: list[str] = [name for name in ("time", "press") if name in header]
         if "fx" in header:
             wanted += WRENCH
-        if "x" in header or "fx" not in header:
+        if {*OF_TOOL} & {*header}:
+            wanted += (*OF_TOOL, *(OF_LINK if {*OF_LINK} & {*header} else ()))
+            if "x" in header:
+                message = "the header has a point and the pose of a tool. Remove one of them"
+                raise TableError(line, message, header.index("x") + 1)
+        elif "x" in header or "fx" not in header:
             wanted += POINT
         numbers = {name: find_column(header, name, line) for name in wanted}
         owner = None if felt and not {"taxel", "channel"} & set(header) else TaxelColumn.of(header, line, calibration)
@@ -167,11 +187,12 @@ def _of_another(found: str, link: str, line: int, column: int = 0) -> TableError
     return TableError(line, f"the touches are of the link {show(found)}, the calibration of {show(link)}", column)
 
 
-def _read(text: str, calibration: LinkCalibration) -> tuple[Recorded, _Columns]:
-    """Return the rows of a table, in SI units."""
+def _read(text: str, calibration: LinkCalibration, folder: Path) -> tuple[Recorded, _Columns]:
+    """Return the rows of a table, in SI units; ``folder`` is that of the file."""
     table = read_named_rows(text)
-    line, header = next(table, (1, [""]))
-    columns = _Columns.of(header, line, calibration)
+    line_of_header, header = next(table, (1, [""]))
+    columns = _Columns.of(header, line_of_header, calibration)
+    line = line_of_header
     places = [*columns.numbers.items(), *columns.felt.items()]
     numbers, lines, owners = array("d"), array("q"), list[str]()
     before = -np.inf
@@ -187,9 +208,9 @@ def _read(text: str, calibration: LinkCalibration) -> tuple[Recorded, _Columns]:
                         line, f"the time {number:g} s is before {before:g} s, that of the row above", k + 1
                     )
                 before = number
-            elif name in POINT and abs(number) > MAX_COORDINATE:
+            elif name in (*POINT, *OF_TOOL, *OF_LINK) and abs(number) > MAX_COORDINATE:
                 message = (
-                    f"the coordinate {number:g} m is more than {MAX_COORDINATE:g} m from the origin of the link. "
+                    f"the coordinate {number:g} m is more than {MAX_COORDINATE:g} m from the origin of its frame. "
                     f'Coordinates are in metres; for millimetres name the column "{name} [mm]"'
                 )
                 raise TableError(line, message, k + 1)
@@ -206,14 +227,19 @@ def _read(text: str, calibration: LinkCalibration) -> tuple[Recorded, _Columns]:
     readings = values[:, len(columns.numbers) :]
     felt = tuple(columns.felt)
     taxels = np.array(owners or [felt[k] for k in readings.argmax(axis=1)])
+    tool = None
+    if OF_TOOL[0] in of:
+        poses = _columns(of, OF_TOOL), _columns(of, OF_LINK)
+        tool = ToolRows.read(text, line_of_header, folder, np.array(lines), *poses)
     recorded = Recorded(
         np.array(lines),
         taxels,
-        _columns(of, POINT),
+        _columns(of, POINT) if tool is None else tool.positions,
         _columns(of, WRENCH),
         readings,
         of.get("time"),
         of.get("press"),
+        tool,
     )
     return recorded, columns
 
@@ -228,7 +254,9 @@ def _centres(calibration: LinkCalibration) -> dict[str, Array]:
     return {name: position for part in parts for name, position in part}
 
 
-def _touches(presses: Presses, felt: tuple[str, ...], columns: _Columns | None) -> Touches:
+def _touches(
+    presses: Presses, felt: tuple[str, ...], columns: _Columns | None, find_contacts: FindContacts | None
+) -> Touches:
     """Return the medians of all presses."""
     recorded, numbers = presses.recorded, presses.numbers
     order = np.argsort(numbers, kind="stable")
@@ -242,7 +270,12 @@ def _touches(presses: Presses, felt: tuple[str, ...], columns: _Columns | None) 
         taxels = tuple(_most_frequent(recorded.taxels[rows].tolist()) for rows in groups)
     lines = recorded.lines[[rows[0] for rows in groups]]
     wrenches = np.empty((0, 6)) if recorded.wrenches is None else _medians(recorded.wrenches, groups)
-    if recorded.points is not None:
+    tool = None
+    if recorded.tool is not None:
+        assert find_contacts is not None
+        tool = find_contacts(recorded.tool.of_presses(lines, groups))
+        points, directions = tool.points, np.zeros((len(groups), 3))
+    elif recorded.points is not None:
         points, directions = _medians(recorded.points, groups), np.zeros((len(groups), 3))
     else:
         for line, force in zip(lines.tolist(), np.linalg.norm(wrenches[:, :3], axis=1).tolist()):
@@ -263,6 +296,7 @@ def _touches(presses: Presses, felt: tuple[str, ...], columns: _Columns | None) 
         force_noise=presses.force_noise,
         rows=len(recorded.lines),
         recording=presses,
+        tool=tool,
     )
 
 

@@ -23,6 +23,7 @@ from ...pipeline.touch_distance import check_touches
 from ...validation import Placement, directions_of, placements, summarize
 from ..overlay import drawing
 from ..overlay.layers import Layer, comparison_of, place_of, touches_of
+from ..scene.link_meshes import read_mesh
 from ..scene.link_objects import longest_side
 from ..scene.plans import read_plan
 from ..scene.showing import show_place
@@ -79,10 +80,10 @@ def name_of(path: str) -> str:
     return Path(path).name
 
 
-def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
+def compare_touches(link: bpy.types.Object, context: bpy.types.Context, path: str) -> list[Placement]:
     """Compare the last result of a link with a table of touches, and keep what was found."""
     calibration = result_of(link).calibration
-    touches = read_touch_file(path, calibration)
+    touches = read_touch_file(path, calibration, lambda: read_mesh(link, context))
     check_touches(calibration, touches)
     found = placements(calibration, touches)
     many = len(calibration.patches) > 1
@@ -92,8 +93,11 @@ def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
     directions, _ = directions_of(calibration, touches)
     if directions:
         lines.append(f"Forces: {directions.summary()}")
+    if touches.tool:
+        lines += [line.strip() for _, line in touches.tool.summary()]
+    of_tool = touches.tool.warnings() if touches.tool else ()
     of_forces = directions.warnings() if directions and not any(p.wiring.order.words for p in found) else ()
-    warnings = (*of_forces, *(warning for p in found for warning in p.warnings()))
+    warnings = (*of_tool, *of_forces, *(warning for p in found for warning in p.warnings()))
     _keep(link, "touches", path, lines, warnings, np.concatenate([p.places for p in found]), touches_of(found))
     _list(link.skin_calib.inspect.touches, found)
     return found
@@ -130,10 +134,11 @@ def _named(placement: Placement, line: str, many: bool) -> str:
     return f"{placement.patch.name}: {line}" if many else line[0].upper() + line[1:]
 
 
-def move_to_touches(link: bpy.types.Object, scene: bpy.types.Scene) -> None:
+def move_to_touches(link: bpy.types.Object, context: bpy.types.Context) -> None:
     """Move the skins of a plan to their measured placement, from the displayed touches."""
-    settings, result = link.skin_calib, result_of(link)
-    touches = read_touch_file(settings.inspect.touches.file, result.calibration)
+    settings, result, scene = link.skin_calib, result_of(link), context.scene
+    path = settings.inspect.touches.file
+    touches = read_touch_file(path, result.calibration, lambda: read_mesh(link, context))
     plan = read_plan(link, scene)
     refined = refine(plan, result, touches)
     for skin, before, after in zip(settings.skins, plan.skins, refined.plan.skins):

@@ -22,6 +22,11 @@ TEXTS = {
 }
 
 
+def no_mesh():
+    """Return no mesh: no tool needs one here."""
+    raise AssertionError
+
+
 def stamped(frame, time, numbers):
     """Return a message with a header and doubles as bytes."""
     seconds = int(time)
@@ -69,7 +74,7 @@ def test_file_gives_the_touches_of_a_table(kind, tmp_path):
         at = np.tile(SHEET.taxels.positions_link[4], (len(stamps), 1))
     probes = [(LINK, t, row) for t, row in zip(stamps, at)] + [("hand", stamps[0], at[0] + 1)]
     path = write(tmp_path / "t.mcap", zip(times, readings), probes, kind)
-    found = read_touch_file(path, CALIBRATION)
+    found = read_touch_file(path, CALIBRATION, no_mesh)
     ids = [f"{SHEET.taxels.ids[k]},{','.join(map(str, row))}" for k, row in enumerate(wrenches[[130, 230, 330]])]
     assert found.taxels == SHEET.taxels.ids[:3] and len(found.sha256) == 64 and found.rows == len(times)
     assert found.felt == SHEET.taxels.ids and found.readings.argmax(axis=1).tolist() == [0, 1, 2]
@@ -77,7 +82,7 @@ def test_file_gives_the_touches_of_a_table(kind, tmp_path):
         assert_allclose(found.points, np.tile(SHEET.taxels.positions_link[4], (3, 1)), atol=1e-12)
         return
     (tmp_path / "t.csv").write_text("\n".join(["taxel,fx,fy,fz,tx,ty,tz", *ids]) + "\n")
-    table = read_touch_file(tmp_path / "t.csv", CALIBRATION)
+    table = read_touch_file(tmp_path / "t.csv", CALIBRATION, no_mesh)
     assert table.taxels == found.taxels
     assert_allclose(found.wrenches, table.wrenches, atol=1e-9)
 
@@ -87,7 +92,7 @@ def test_readings_in_a_gap_have_no_wrench(tmp_path):
     times, wrenches, readings = session()
     probes = [(LINK, t, row) for t, row in zip(times, wrenches) if not 2.1 < t - START < 2.9]
     path = write(tmp_path / "t.mcap", zip(times, readings), probes)
-    assert read_touch_file(path, CALIBRATION).taxels == (SHEET.taxels.ids[0], SHEET.taxels.ids[2])
+    assert read_touch_file(path, CALIBRATION, no_mesh).taxels == (SHEET.taxels.ids[0], SHEET.taxels.ids[2])
 
 
 @pytest.mark.parametrize(
@@ -108,5 +113,5 @@ def test_file_without_touches_is_one_line(change, message, tmp_path):
     """With what is missing, and where."""
     path = write(tmp_path / "t.mcap", *change(*session()))
     with pytest.raises(CalibrationFormatError, match=message) as found:
-        read_touch_file(path, CALIBRATION)
+        read_touch_file(path, CALIBRATION, no_mesh)
     assert "\n" not in str(found.value)

@@ -1,0 +1,145 @@
+"""How near the mesh of a tool comes to that of a link, or how deep it is inside.
+
+The signed distance of a point changes by at most the length of a step. A triangle of the tool whose middle has the
+distance d and whose corners are within r of it therefore has no point below d - r. Parts of the tool that cannot be the
+nearest ones are dropped, others are divided.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...common.arrays import Array, BoolArray, IntArray, cross, norms, unit
+from .distance import closest, dots
+from .triangle_mesh import TriangleMesh
+
+RESOLUTION = 2e-4  # [m] radius of the smallest parts of the tool. Smaller: more accurate, more time.
+# [m] Points of the tool that are this much farther than the nearest one touch, too. Larger: the point of touch is the
+# mean of a larger part. Smaller: it depends on single faces of the meshes.
+SAME_DISTANCE = 5e-5
+MAX_PARTS = 100_000  # [1] of a tool. Larger: a flat tool on a flat link is divided further, which takes longer.
+# [1] relative distance from a side of a triangle within which a point is on it. Larger: faces have normals of edges.
+ON_SIDE = 1e-9
+
+
+class Approach(NamedTuple):
+    """Where a tool is nearest to a link, or deepest in it, in the frame of the link."""
+
+    distance: float  # from the link [m]; negative inside
+    point: Array  # (3,) mean of the nearest points of the tool [m]
+    spread: float  # root mean square distance of these from their mean [m]
+    is_at_rim: bool  # whether the link ends there, so that inside and outside are not known
+    centroid: Array | None  # (3,) of the part of the tool's surface that is inside the link [m]; None: there is none
+
+
+class SignedDistance:
+    """Distance from a mesh, negative behind its faces; positive next to the rim of a hole, where it has no inside.
+
+    The sign is that of the angle to the normal of the nearest face, edge or corner (Baerentzen and Aanaes, Signed
+    distance computation using the angle weighted pseudonormal, 2005).
+    """
+
+    def __init__(self, mesh: TriangleMesh):
+        self.mesh, corners, normals = mesh, mesh.faces, mesh.face_normals
+        sides = np.sort(np.stack((corners, np.roll(corners, -1, axis=1)), axis=2), axis=2).reshape(-1, 2)
+        _, edge, faces_at = np.unique(
+            sides[:, 0] * len(mesh.vertices) + sides[:, 1], return_inverse=True, return_counts=True
+        )
+        sums = _sums(edge, np.repeat(normals, 3, axis=0), len(faces_at))
+        self._of_sides = sums[edge].reshape(-1, 3, 3)
+        self._rims = (faces_at[edge] == 1).reshape(-1, 3)
+        arms = unit(np.roll(mesh.triangles, -1, axis=1) - mesh.triangles)
+        cosines = -(arms * np.roll(arms, 1, axis=1)).sum(axis=2)
+        angles = np.arccos(np.clip(cosines, -1, 1))
+        of_corners = _sums(corners.ravel(), (angles[..., None] * normals[:, None]).reshape(-1, 3), len(mesh.vertices))
+        self._of_corners = of_corners[corners]
+        at_rim = np.zeros(len(mesh.vertices), bool)
+        at_rim[sides[self._rims.ravel()]] = True
+        self._rim_corners = at_rim[corners]
+
+    def __call__(self, points: Array) -> tuple[Array, BoolArray]:
+        """Return the distances (k,) of points (k, 3) [m], and whether the nearest point is on the rim of a hole."""
+        distance, face, nearest = closest(self.mesh, points)
+        a, b, c = np.moveaxis(self.mesh.triangles[face], 1, 0)
+        normal = cross(b - a, c - a)
+        square = np.maximum(dots(normal, normal), np.finfo(float).tiny)
+        # Barycentric coordinates, of the corners a, b, c; that of a corner is zero on the opposite side.
+        weights = np.stack(
+            [dots(cross(q - p, nearest - p), normal) / square for p, q in ((b, c), (c, a), (a, b))], axis=1
+        )
+        is_zero = weights < ON_SIDE
+        count = is_zero.sum(axis=1)
+        side = (is_zero.argmax(axis=1) + 1) % 3  # side k is from corner k to the next one
+        corner = weights.argmax(axis=1)
+        normals = np.where((count == 1)[:, None], self._of_sides[face, side], self.mesh.face_normals[face])
+        normals = np.where((count > 1)[:, None], self._of_corners[face, corner], normals)
+        at_rim = np.where(count == 1, self._rims[face, side], (count > 1) & self._rim_corners[face, corner])
+        is_inside = (dots(points - nearest, normals) < 0) & ~at_rim
+        return np.where(is_inside, -distance, distance), at_rim
+
+
+def _sums(rows: IntArray, vectors: Array, count: int) -> Array:
+    """Return the sum of the vectors (k, 3) of each row, shape (count, 3)."""
+    return np.stack([np.bincount(rows, column, count) for column in vectors.T], axis=1)
+
+
+class Tool:
+    """The triangles of a tool, in clusters, so that most of them need no distance."""
+
+    def __init__(self, mesh: TriangleMesh):
+        self.triangles = mesh.triangles
+        self.clusters = _clusters(self.triangles.mean(axis=1), np.arange(len(mesh.faces)), len(mesh.faces) ** 0.5)
+
+    def approach(self, link: SignedDistance, rotation: Array, position: Array) -> Approach:
+        """Return how near the tool comes to the link, at its pose in the frame of the link."""
+        triangles = self.triangles @ rotation.T + position
+        middles = triangles.mean(axis=1)
+        first = np.array([cluster[0] for cluster in self.clusters])
+        radii = np.array([_radius(triangles[c].reshape(-1, 3), middles[c[0]]) for c in self.clusters])
+        distances, _ = link(middles[first])
+        best = float(distances.min())
+        near = distances - radii <= max(best + SAME_DISTANCE, 0.0)
+        parts = triangles[np.concatenate([c for c, is_near in zip(self.clusters, near) if is_near])]
+        found = []  # middles, distances, areas, and whether they are on a rim
+        while len(parts):
+            middles = parts.mean(axis=1)
+            distances, at_rim = link(middles)
+            best = min(best, float(distances.min()))
+            radii = norms((parts - middles[:, None]).reshape(-1, 3)).reshape(-1, 3).max(axis=1)
+            low = distances - radii
+            can_touch, is_open = low <= best + SAME_DISTANCE, (low <= 0) & (distances + radii > 0)
+            divided = (radii > RESOLUTION) & (can_touch | is_open)
+            if divided.sum() > MAX_PARTS:
+                divided[:] = False
+            kept = ~divided & (can_touch | (distances < 0))
+            areas = norms(cross(parts[kept, 1] - parts[kept, 0], parts[kept, 2] - parts[kept, 0])) / 2
+            found.append((middles[kept], distances[kept], areas, at_rim[kept]))
+            parts = _quarters(parts[divided])
+        middles, distances, areas, at_rim = map(np.concatenate, zip(*found))
+        touching, inside = distances <= best + SAME_DISTANCE, distances < 0
+        point = np.average(middles[touching], axis=0, weights=areas[touching])
+        spread = np.sqrt(np.average(((middles[touching] - point) ** 2).sum(axis=1), weights=areas[touching]))
+        centroid = np.average(middles[inside], axis=0, weights=areas[inside]) if inside.any() else None
+        return Approach(float(distances.min()), point, float(spread), bool(at_rim[touching].any()), centroid)
+
+
+def _radius(points: Array, middle: Array) -> float:
+    return float(norms(points - middle).max())
+
+
+def _quarters(triangles: Array) -> Array:
+    """Return the four triangles between the corners and the middles of the sides of each one."""
+    middles = (triangles + np.roll(triangles, -1, axis=1)) / 2
+    of_corners = [np.stack((triangles[:, k], middles[:, k], middles[:, k - 1]), axis=1) for k in range(3)]
+    return np.concatenate((*of_corners, middles))
+
+
+def _clusters(middles: Array, rows: IntArray, size: float) -> list[IntArray]:
+    """Return rows in clusters of at most some size, the row nearest to the middle of a cluster first."""
+    points = middles[rows]
+    if len(rows) <= max(size, 1):
+        order = np.argsort(norms(points - points.mean(axis=0)), kind="stable")
+        return [rows[order]]
+    order = np.argsort(points[:, np.ptp(points, axis=0).argmax()], kind="stable")
+    half = len(rows) // 2
+    return [*_clusters(middles, rows[order[:half]], size), *_clusters(middles, rows[order[half:]], size)]
