@@ -598,7 +598,8 @@ def tool_sets(sets: int, seed: int) -> Iterator[str]:
         poses = "tool and link" if with_link else "tool"
         yield (
             f"{poses}, {1e3 * noise} mm and {turn} degrees, {rows:2} rows: {count} touches  nearest approach "
-            f"{near:.2f} mm rms ({flat:.2f} along the surface), centroid {far:.2f} mm in {len(of_centroids) / count:.0%}"
+            f"{near:.2f} mm rms ({flat:.2f} along the surface), centroid {far:.2f} mm "
+            f"in {len(of_centroids) / count:.0%}"
             + (f"; stated for a row {1e3 * np.mean(stated):.2f} mm" if stated else "")
             + f"; {seconds:.1f} s for 40 presses  [.8]"
         )

@@ -28,10 +28,10 @@ def add(parser: argparse.ArgumentParser) -> None:
         "tz of a force-torque sensor [N, N m], in the link frame. Or it has the pose of a tool (tool_x to tool_qw) in "
         "the link frame, or those of tool and link (link_x to link_qw) in the world, and a comment # tool: FILE UNIT "
         "with the mesh of the tool. The columns time [s] or press state which rows are one press. Or it is an MCAP "
-        "file with SkinReading, and WrenchStamped or PointStamped in the link frame. Or it has what accelerometers "
-        "of taxels measure at rest: ax, ay, az [m/s^2] in the axes of the taxel, and the direction of gravity gx, gy, "
-        "gz in the link frame. For robot.json, TOUCHES are those of the robot on itself: the angles of its joints "
-        "[rad], the tip that touched, and the taxels that felt it."
+        "file with SkinReading, and with WrenchStamped or PointStamped in the link frame. Or it has what "
+        "accelerometers of taxels measure at rest: ax, ay, az [m/s^2] in the axes of the taxel, and the direction of "
+        "gravity gx, gy, gz in the link frame. For robot.json, TOUCHES are those of the robot on itself: the angles of "
+        "its joints [rad], the tip that touched, and the taxels that felt it."
     )
     parser.add_argument("file", type=named_path, metavar="FILE", help="calibration or plan; robot.json, or its folder")
     parser.add_argument("touches", type=named_path, metavar="TOUCHES", help="CSV or MCAP file of measured touches")

@@ -153,7 +153,7 @@ def _touched(
     used = ~placement.unexplained
     heights = placement.offsets[used, 2]
     along, normal, angle = map(
-        _rms,
+        rms,
         (
             placement.distances[used],
             heights[~np.isnan(heights)],
@@ -161,13 +161,13 @@ def _touched(
         ),
     )
     return Touched(
-        date=datetime.now(UTC).date().isoformat(),
+        date=today(),
         session=session,
         used=int(used.sum()),
         left_out=int((~used).sum()) + len(placement.grazing),
         shift=(float(made.shift[0]), float(made.shift[1])),
         turn=float(made.turn),
-        covariance=tuple(map(_triple, covariance)),
+        covariance=triples(covariance),
         anchor=_triple(link_point(placement.patch, motion.middle)),
         along=along or 0.0,
         normal=normal,
@@ -175,7 +175,18 @@ def _touched(
     )
 
 
-def _rms(values: Array | list[float]) -> float | None:
+def today() -> str:
+    """Return the date of a registration."""
+    return datetime.now(UTC).date().isoformat()
+
+
+def triples(rows: Array) -> tuple[tuple[float, float, float], ...]:
+    """Return the rows (n, 3) of a matrix."""
+    return tuple(map(_triple, rows))
+
+
+def rms(values: Array | list[float]) -> float | None:
+    """Return the root mean square; None of nothing."""
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else None
 
 

@@ -138,6 +138,12 @@ class Model:
     def _cache(self) -> dict[tuple[str, str], list[str]]:
         return {}
 
+    def of_skin(self, k: int) -> BoolArray:
+        """Return which touches (n,) a skin felt."""
+        found = self.felt.patches == k
+        found[self.skins.touches[self.skins.patches == k]] = True
+        return found
+
     def _unknowns(self) -> Iterator[Unknown]:
         """Yield the unknowns: offsets of joints, tips, and of all skins of the touched links."""
         for name in dict.fromkeys(name for pair in zip(*self.links) for name in self.moving(*pair)):

@@ -4,13 +4,15 @@ import os
 import re
 from array import array
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from ..calibration.model import LinkCalibration, Patch
 from ..common.arrays import Array, IntArray
 from ..common.errors import CalibrationFormatError, listed
+from ..common.file_hash import file_hash
 from ..common.findings import did_you_mean, show
 from ..common.tables import TableError, find_column, names_without, naming_file, number_in, read_named_rows
 from ..common.text import NumberError, read_text, real
@@ -59,6 +61,7 @@ class Session:
     lines: IntArray  # (n,) lines of the file, the first of each press
     rows: int = 0  # of the file
     unused: tuple[str, ...] = ()  # columns of the file that are not used
+    sha256: str = ""  # of the file; empty: not from a file
 
 
 def read_session(path: str | os.PathLike[str], robot: Robot, calibrations: Mapping[str, LinkCalibration]) -> Session:
@@ -78,7 +81,7 @@ def read_session(path: str | os.PathLike[str], robot: Robot, calibrations: Mappi
             f"'{path}' has {len(session.lines)} touches, more than {MAX_TOUCHES}. Number the presses, or split it."
         )
         raise CalibrationFormatError(message)
-    return session
+    return replace(session, sha256=file_hash(Path(path)) or "")
 
 
 class _Table:

@@ -1,7 +1,7 @@
 """The poses of a tool that touches a link, by motion capture, and where its mesh touches that of the link."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -30,7 +30,7 @@ MIN_NOISE_ROWS = 5  # [1] more than presses, for their noise. Smaller: the noise
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Scatter of poses around the median of their press, standard deviation per axis; motion of the tool counts."""
+    """Scatter of poses around the mean of their press, standard deviation per axis; motion of the tool counts."""
 
     position: float  # [m]
     rotation: float  # [rad]
@@ -70,7 +70,7 @@ class ToolRows:
     def of_presses(self, lines: IntArray, groups: Sequence[IntArray]) -> "ToolPoses":
         """Return the medians of presses, whose rows are in groups."""
         tool, link = (None if p is None else _noise(p, groups) for p in (self.measured, self.of_link))
-        medians = [_median(self.positions[rows], self.quaternions[rows]) for rows in groups]
+        medians = [_middle(self.positions[rows], self.quaternions[rows], np.median) for rows in groups]
         positions, quaternions = (np.array(part) for part in zip(*medians))
         first = np.array([rows[0] for rows in groups])
         measured = self.measured[first], None if self.of_link is None else self.of_link[first]
@@ -220,10 +220,11 @@ def product(a: Array, b: Array) -> Array:
     return np.hstack((wa * vb + wb * va + np.cross(va, vb), wa * wb - (va * vb).sum(axis=1, keepdims=True)))
 
 
-def _median(positions: Array, quaternions: Array) -> tuple[Array, Array]:
+def _middle(positions: Array, quaternions: Array, of: Callable[..., Array]) -> tuple[Array, Array]:
+    """Return the mean or median of poses."""
     signs = np.where(quaternions @ quaternions[0] < 0, -1.0, 1.0)
-    middle = np.median(quaternions * signs[:, None], axis=0)
-    return np.median(positions, axis=0), middle / np.linalg.norm(middle)
+    middle = of(quaternions * signs[:, None], axis=0)
+    return of(positions, axis=0), middle / np.linalg.norm(middle)
 
 
 def _noise(poses: Array, groups: Sequence[IntArray]) -> Noise | None:
@@ -233,7 +234,7 @@ def _noise(poses: Array, groups: Sequence[IntArray]) -> Noise | None:
         return None
     squares = np.zeros(2)
     for rows in groups:
-        position, quaternion = _median(poses[rows, :3], poses[rows, 3:])
+        position, quaternion = _middle(poses[rows, :3], poses[rows, 3:], np.mean)
         turns = product(poses[rows, 3:], np.tile(quaternion * (-1, -1, -1, 1), (len(rows), 1)))
         sines = np.linalg.norm(turns[:, :3], axis=1)
         angles = 2 * np.arctan2(sines, np.abs(turns[:, 3]))

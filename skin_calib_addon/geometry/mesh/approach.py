@@ -11,13 +11,17 @@ import numpy as np
 
 from ...common.arrays import Array, BoolArray, IntArray, cross, norms, unit
 from .distance import closest, dots
-from .triangle_mesh import TriangleMesh
+from .triangle_mesh import TriangleMesh, weld
 
 RESOLUTION = 2e-4  # [m] radius of the smallest parts of the tool. Smaller: more accurate, more time.
 # [m] Points of the tool that are this much farther than the nearest one touch, too. Larger: the point of touch is the
 # mean of a larger part. Smaller: it depends on single faces of the meshes.
 SAME_DISTANCE = 5e-5
 MAX_PARTS = 100_000  # [1] of a tool. Larger: a flat tool on a flat link is divided further, which takes longer.
+NEIGHBOURHOOD = 0.01  # [m] around a touch. Larger: more time. Smaller: the link ends inside a deep tool.
+# [1] cosine of the angle from the normal of a face to the tool, above which the tool can touch it. Larger: the link
+# ends at edges. Smaller: inner sides of walls count for tools that lean.
+MIN_FACING = -0.5
 # [1] relative distance from a side of a triangle within which a point is on it. Larger: faces have normals of edges.
 ON_SIDE = 1e-9
 
@@ -41,6 +45,7 @@ class SignedDistance:
 
     def __init__(self, mesh: TriangleMesh):
         self.mesh, corners, normals = mesh, mesh.faces, mesh.face_normals
+        self._bounds = mesh.triangles.min(axis=1), mesh.triangles.max(axis=1)
         sides = np.sort(np.stack((corners, np.roll(corners, -1, axis=1)), axis=2), axis=2).reshape(-1, 2)
         _, edge, faces_at = np.unique(
             sides[:, 0] * len(mesh.vertices) + sides[:, 1], return_inverse=True, return_counts=True
@@ -56,6 +61,20 @@ class SignedDistance:
         at_rim = np.zeros(len(mesh.vertices), bool)
         at_rim[sides[self._rims.ravel()]] = True
         self._rim_corners = at_rim[corners]
+
+    def facing(self, point: Array, direction: Array) -> "SignedDistance | None":
+        """Return the distance from the faces around a point that face a direction; None if all of them or none do.
+
+        A thin wall has an inner side, from which points in the wall can be nearer.
+        """
+        mesh = self.mesh
+        low, high = self._bounds
+        is_near = ((low < point + NEIGHBOURHOOD) & (high > point - NEIGHBOURHOOD)).all(axis=1)
+        near = np.flatnonzero(is_near)
+        chosen = mesh.face_normals[near] @ unit(direction) > MIN_FACING
+        if chosen.all() or not chosen.any():
+            return None
+        return SignedDistance(weld(mesh.vertices, mesh.faces[near[chosen]]))
 
     def __call__(self, points: Array) -> tuple[Array, BoolArray]:
         """Return the distances (k,) of points (k, 3) [m], and whether the nearest point is on the rim of a hole."""
@@ -88,10 +107,18 @@ class Tool:
 
     def __init__(self, mesh: TriangleMesh):
         self.triangles = mesh.triangles
+        self.middle = np.average(mesh.triangles.mean(axis=1), axis=0, weights=mesh.face_areas)
         self.clusters = _clusters(self.triangles.mean(axis=1), np.arange(len(mesh.faces)), len(mesh.faces) ** 0.5)
 
     def approach(self, link: SignedDistance, rotation: Array, position: Array) -> Approach:
         """Return how near the tool comes to the link, at its pose in the frame of the link."""
+        found = self._approach(link, rotation, position)
+        if found.distance < 0:
+            local = link.facing(found.point, rotation @ self.middle + position - found.point)
+            found = found if local is None else self._approach(local, rotation, position)
+        return found
+
+    def _approach(self, link: SignedDistance, rotation: Array, position: Array) -> Approach:
         triangles = self.triangles @ rotation.T + position
         middles = triangles.mean(axis=1)
         first = np.array([cluster[0] for cluster in self.clusters])
@@ -100,7 +127,7 @@ class Tool:
         best = float(distances.min())
         near = distances - radii <= max(best + SAME_DISTANCE, 0.0)
         parts = triangles[np.concatenate([c for c, is_near in zip(self.clusters, near) if is_near])]
-        found = []  # middles, distances, areas, and whether they are on a rim
+        found = []
         while len(parts):
             middles = parts.mean(axis=1)
             distances, at_rim = link(middles)
@@ -112,15 +139,23 @@ class Tool:
             if divided.sum() > MAX_PARTS:
                 divided[:] = False
             kept = ~divided & (can_touch | (distances < 0))
-            areas = norms(cross(parts[kept, 1] - parts[kept, 0], parts[kept, 2] - parts[kept, 0])) / 2
-            found.append((middles[kept], distances[kept], areas, at_rim[kept]))
+            found.append((parts[kept], middles[kept], distances[kept], at_rim[kept], can_touch[kept]))
             parts = _quarters(parts[divided])
-        middles, distances, areas, at_rim = map(np.concatenate, zip(*found))
-        touching, inside = distances <= best + SAME_DISTANCE, distances < 0
-        point = np.average(middles[touching], axis=0, weights=areas[touching])
-        spread = np.sqrt(np.average(((middles[touching] - point) ** 2).sum(axis=1), weights=areas[touching]))
+        parts, middles, distances, at_rim, can_touch = map(np.concatenate, zip(*found))
+        areas = norms(cross(parts[:, 1] - parts[:, 0], parts[:, 2] - parts[:, 0])) / 2
+        inside = distances < 0
         centroid = np.average(middles[inside], axis=0, weights=areas[inside]) if inside.any() else None
-        return Approach(float(distances.min()), point, float(spread), bool(at_rim[touching].any()), centroid)
+        # The lowest point of a part is its middle, or one of its corners: a sharp tip ends in one.
+        points = np.concatenate((middles[can_touch, None], parts[can_touch]), axis=1)
+        heights = np.column_stack((distances[can_touch], link(points[:, 1:].reshape(-1, 3))[0].reshape(-1, 3)))
+        lowest = heights.argmin(axis=1)[:, None]
+        heights = np.take_along_axis(heights, lowest, axis=1)[:, 0]
+        touching = heights <= heights.min() + SAME_DISTANCE
+        points = np.take_along_axis(points, lowest[..., None], axis=1)[touching, 0]
+        areas = areas[can_touch][touching]
+        point = np.average(points, axis=0, weights=areas)
+        spread = np.sqrt(np.average(((points - point) ** 2).sum(axis=1), weights=areas))
+        return Approach(float(heights.min()), point, float(spread), bool(at_rim[can_touch][touching].any()), centroid)
 
 
 def _radius(points: Array, middle: Array) -> float:

@@ -15,6 +15,7 @@ from skin_calib_addon.common.file_hash import file_hash
 from skin_calib_addon.pipeline.self_touch import moved_skins
 from skin_calib_addon.robot.kinematics import link_poses
 from skin_calib_addon.robot.urdf import read_robot
+from skin_calib_addon.skin.uncertainty import MIN_ORIGIN_UNCERTAINTY
 from skin_calib_addon.validation.flat import flat_places
 from skin_calib_addon.validation.next_touch import next_touches
 from skin_calib_addon.validation.self_touch import fit_self_touch
@@ -164,6 +165,23 @@ def test_skins_are_moved(robot, skins, touches, tmp_path):
     sides = [np.linalg.norm(p.taxels.corners_link[:, 1] - p.taxels.corners_link[:, 0], axis=1) for p in (before, after)]
     np.testing.assert_allclose(*sides, rtol=1e-9)
     assert 1e-4 < after.registration.origin < 3e-3 and after.registration.direction < np.deg2rad(3)
+
+
+def test_moved_skins_state_their_registration(robot, skins, touches, tmp_path):
+    """Motion of the anchor with covariance, residuals, and the session; the taxel next to the anchor moved by it."""
+    wrong = [(angles, row if k else (row + 36) % 96) for k, (angles, row) in enumerate(touches)]
+    found = fit_self_touch(robot, session(tmp_path, table(wrong), robot, skins))
+    (before,), (after,) = skins["trunk"].patches, moved_skins(found, skins)["trunk"].patches
+    stated = after.touches
+    assert stated.session == file_hash(tmp_path / "session.csv") and len(stated.date) == 10
+    assert (stated.used, stated.left_out) == (len(touches) - 1, 1)
+    assert 0 < stated.along < 1e-4 and 0 < stated.normal < 1e-4 and stated.angle is None
+    np.testing.assert_allclose(stated.turn, of(found, "turn")[0][0])
+    row = int(np.linalg.norm(after.taxels.positions_link - stated.anchor, axis=1).argmin())
+    step = (after.taxels.positions_link - before.taxels.positions_link)[row]
+    np.testing.assert_allclose(before.taxels.axes_link[row] @ step, stated.shift, atol=2e-4)
+    assert stated.shift_error == pytest.approx(np.hypot(after.registration.origin, MIN_ORIGIN_UNCERTAINTY))
+    assert stated.turn_error == pytest.approx(after.registration.direction)
 
 
 def test_wrong_touches_are_named_and_count_little(robot, skins, touches, tmp_path):
@@ -336,6 +354,7 @@ def test_command_moves_the_skins(folder, touches, skins, capsys):
         w for w in warnings if not w.code.startswith("duplicate-")
     ]
     truth, _ = on_skin(skins["trunk"].patches[0])
+    assert calibrations["trunk"].patches[0].touches.used == 40 and calibrations["forearm"].patches[0].touches is None
     positions = calibrations["trunk"].patches[0].taxels.positions_link
     assert np.linalg.norm(positions - truth, axis=1).mean() < 1e-3
     offsets = json.loads((folder / "moved" / "joint_offsets.json").read_text())
