@@ -89,23 +89,17 @@ def _with_registration(patch: Patch, found: SelfTouch, k: int) -> Patch:
         anchor = link_point(patch, flat_places(patch, patch.taxels.index).mean(axis=0) + (-y, x))
         rest = covariance[:2, :2] - np.outer(covariance[:2, 2], covariance[:2, 2]) / covariance[2, 2]
         origin, direction = (np.sqrt(np.linalg.eigvalsh(part)[-1]) for part in (rest, covariance[2:, 2:]))
-        patch = replace(patch, touches=_touched(found, k, (x, y), rest, anchor) or patch.touches)
+        patch = replace(patch, touches=_touched(found, k, patch) or patch.touches)
     limits = max(float(origin), MIN_ORIGIN_UNCERTAINTY), min(float(direction), MAX_DIRECTION_UNCERTAINTY)
     return replace(patch, registration=Registration(*limits, point_of(anchor)), touches=None)  # of another place
 
 
-def _touched(found: SelfTouch, k: int, arm: tuple[float, float], rest: Array, anchor: Array) -> Touched | None:
-    """Return how a sheet or boards were registered; None without touches.
-
-    A rotation about the middle of the skin shifts the anchor by ``-arm`` [m] per radian. ``rest`` (2, 2) is the
-    covariance of its shift [m^2].
-    """
+def _touched(found: SelfTouch, k: int, patch: Patch) -> Touched | None:
+    """Return how a sheet or boards were registered, about their middle; None without touches."""
     mine, is_used = found.model.of_skin(k), ~found.unexplained
     if not mine.any():
         return None
-    covariance = np.zeros((3, 3))
-    covariance[:2, :2] = rest + MIN_ORIGIN_UNCERTAINTY**2 * np.eye(2)
-    covariance[2, 2] = found.covariance_of(k)[2, 2]
+    covariance = found.covariance_of(k) + MIN_ORIGIN_UNCERTAINTY**2 * np.diag((1.0, 1.0, 0.0))
     x, y, turn = (float(found.values[j]) for j in found.of_patch(k).values())
     residuals = found.residuals[mine & is_used]
     return Touched(
@@ -113,10 +107,10 @@ def _touched(found: SelfTouch, k: int, arm: tuple[float, float], rest: Array, an
         session=found.model.session.sha256,
         used=len(residuals),
         left_out=int((mine & ~is_used).sum()),
-        shift=(x - turn * float(arm[0]), y - turn * float(arm[1])),
+        shift=(x, y),
         turn=turn,
         covariance=triples(covariance),
-        anchor=point_of(anchor),
+        anchor=point_of(link_point(patch, flat_places(patch, patch.taxels.index).mean(axis=0))),
         along=rms(np.linalg.norm(residuals[:, :2], axis=1)) or 0.0,
         normal=rms(residuals[:, 2]),
     )

@@ -130,7 +130,7 @@ class ToolContacts:
 
     def summary(self) -> Iterator[tuple[str, str]]:
         """Yield a table of both points of touch, and the uncertainty by the noise of the poses."""
-        yield "tool", f"{'point of touch':28}{'touches':>8}{'distance from the mesh':>26}{'from the first, rms':>22}"
+        yield "tool", f"{'point of touch':28}{'touches':>8}{'distance: mean, deviation':>28}{'from the first, rms':>22}"
         yield "", _row("nearest approach", self.distances, "")
         apart = np.linalg.norm(self.centroids - self.points[self.intersecting], axis=1)
         rms = f"{1e3 * np.sqrt(np.mean(apart**2)):.2f} mm" if len(apart) else ""
@@ -176,8 +176,8 @@ class ToolContacts:
 
 def _row(name: str, distances: Array, rest: str) -> str:
     mm = distances * 1e3
-    words = f"{mm.mean():.2f} +- {mm.std():.2f} mm" if len(mm) else ""
-    return f"{name:28}{len(mm):8}{words:>26}{rest:>22}".rstrip()
+    words = f"{mm.mean():.2f}, {mm.std():.2f} mm" if len(mm) else ""
+    return f"{name:28}{len(mm):8}{words:>28}{rest:>22}".rstrip()
 
 
 def _mesh_in(text: str, header: int) -> tuple[str, str]:

@@ -65,7 +65,7 @@ def test_deepest_points_are_the_touches(tmp_path):
     assert np.linalg.norm(apart, axis=1).max() < 8e-4 and (found.centroid_distances < 0).all()
     assert not touches.directions.any() and [*found.warnings()] == []
     said = [line for _, line in found.summary()]
-    assert said[1].split() == ["nearest", "approach", "5", "-0.33", "+-", "0.42", "mm"]
+    assert said[1].split() == ["nearest", "approach", "5", "-0.33,", "0.42", "mm"]
     assert said[2].startswith("centroid of the intersection") and said[2].endswith(" mm")
     assert said[3] == "lever 124 mm; too few rows of each press for their scatter"
 
@@ -134,4 +134,4 @@ def test_command_finds_the_mesh_of_the_calibration(tmp_path, capsys):
     save_calibration(replace(CALIBRATION, mesh=replace(source, file="limb.ply")), tmp_path / "c.json")
     assert main(words) == 0
     said = capsys.readouterr().out
-    assert "tool             point of touch" in said and "pose of the link lever 36 mm" in said
+    assert "tool             point of touch" in said and "pose of the link lever 40 mm" in said
