@@ -62,13 +62,16 @@ def _moved(found: SelfTouch, k: int, calibration: LinkCalibration) -> Patch:
 
 
 def _sigma(patch: Patch, covariances: Array) -> Array:
-    """Return the uncertainties of taxels with those of the touches (n, 3, 3) instead of those of the registration."""
+    """Return the uncertainties of taxels with those of the touches (n, 3, 3) instead of those of the registration.
+
+    Those of earlier touches stay, too: the largest error of the registration that states them is not that of a taxel.
+    """
     taxels, old = patch.taxels, patch.registration
     if not len(taxels.sigma):
         return taxels.sigma
     sigma = taxels.sigma.copy()
     before = np.zeros(len(sigma))
-    if old is not None:
+    if old is not None and patch.touches is None:
         squares = ((taxels.positions_link - old.anchor) ** 2).sum(axis=1)
         before = old.origin**2 + old.direction**2 * squares / 2
     along = np.einsum("nkc,ncd,nkd->n", taxels.axes_link, covariances, taxels.axes_link) / 2
@@ -91,7 +94,7 @@ def _with_registration(patch: Patch, found: SelfTouch, k: int) -> Patch:
         origin, direction = (np.sqrt(np.linalg.eigvalsh(part)[-1]) for part in (rest, covariance[2:, 2:]))
         patch = replace(patch, touches=_touched(found, k, patch) or patch.touches)
     limits = max(float(origin), MIN_ORIGIN_UNCERTAINTY), min(float(direction), MAX_DIRECTION_UNCERTAINTY)
-    return replace(patch, registration=Registration(*limits, point_of(anchor)), touches=None)  # of another place
+    return replace(patch, registration=Registration(*limits, point_of(anchor)))
 
 
 def _touched(found: SelfTouch, k: int, patch: Patch) -> Touched | None:

@@ -78,7 +78,7 @@ def test_added_key_has_a_row(added, bpy, link, extension):
 
     def shown():
         layout = Layout(bpy, [])
-        by_hand = "name", "surface", "landmarks", "taxels"
+        by_hand = "name", "surface", "landmarks", "taxels", "touches"
         rows.draw_keys(layout, link.with_thickness, [k for k in added.keys if k.name not in by_hand])
         return layout.shown
 

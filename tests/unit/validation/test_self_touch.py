@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -185,6 +186,22 @@ def test_moved_skins_state_their_registration(robot, skins, touches, tmp_path):
     np.testing.assert_allclose(np.diag(stated.covariance)[:2], errors**2 + MIN_ORIGIN_UNCERTAINTY**2)
     assert stated.turn_error == pytest.approx(after.registration.direction)
     assert np.linalg.eigvalsh(stated.covariance)[0] > 0
+
+
+def test_uncertainty_of_earlier_touches_stays(robot, skins, touches, tmp_path):
+    """Their registration states the largest error; without it nothing would be left of that of a taxel."""
+    first = moved_skins(fit_self_touch(robot, session(tmp_path, table(touches), robot, skins)), skins)
+    (patch,) = first["trunk"].patches
+    sigma = np.tile((5e-4, 1e-4, 0.01), (len(patch.taxels.ids), 1))
+    patch = replace(
+        patch,
+        taxels=replace(patch.taxels, sigma=sigma),
+        registration=replace(patch.registration, origin=2e-3, direction=0.05),
+    )
+    again = first | {"trunk": replace(first["trunk"], patches=(patch,))}
+    found = fit_self_touch(robot, session(tmp_path, table(touches), robot, skins | again))
+    (after,) = moved_skins(found, again)["trunk"].patches
+    assert (after.taxels.sigma[:, 0] >= 5e-4).all()
 
 
 def test_wrong_touches_are_named_and_count_little(robot, skins, touches, tmp_path):
