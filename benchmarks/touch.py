@@ -439,7 +439,7 @@ def response_sets(sets: int, seed: int) -> Iterator[str]:
             columns, loads = force_session(200, rng, gains, power)
             fresh = read(columns).readings
             inside = loads.sum(axis=1) > 1.9  # of presses beyond the edge a part is felt
-            one = [fit.responses.get(name, fit.common) for name in fit.ids]
+            one = [fit.responses[name] for name in fit.ids]
             total = loads.sum(axis=1)[inside]
             with_gains = sum(r.newtons(fresh[:, i] + 3.0) for i, r in enumerate(one))[inside]
             common = sum(fit.common.newtons(fresh[:, i] + 3.0) for i in range(len(one)))[inside]

@@ -1,7 +1,7 @@
 """``response``: fit the responses of the sensors to measurements, and store them in a calibration."""
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -81,13 +81,13 @@ def _of_session(options: argparse.Namespace, calibration: LinkCalibration) -> in
         fit = fit_gains(calibration, touches)
     except UnderdeterminedFit as problem:
         raise UnderdeterminedFit(f"'{options.measurements}': {problem}") from problem
-    result = with_responses(calibration, {name: fit.responses.get(name, fit.common) for name in touches.felt})
+    result = with_responses(calibration, dict(fit.responses))
     if options.picture:
         from ..pictures.response import draw_gains  # matplotlib is optional
 
         draw_gains(fit, options.picture)
     save_calibration(result, options.output)
-    warn((*(directions.warnings() if directions else ()), *fit.warnings()))
+    warn((*(directions.warnings() if directions else ()), *fit.warnings(), *_not_measured(calibration, fit.responses)))
     say_unused(touches.unused)
     low, high = fit.common.readings[0], fit.common.readings[-1]
     say(f"usual taxel      table of {len(fit.common.readings)} knots on readings {low:g} to {high:g}")
@@ -165,6 +165,11 @@ def _warnings(
             message = f"{own} taxels had responses of their own. The response of all taxels replaces them."
             yield Warning("response-replaced", "warning", message, value=float(own))
         return
+    yield from _not_measured(calibration, named)
+
+
+def _not_measured(calibration: LinkCalibration, named: Collection[str | None]) -> Iterator[Warning]:
+    """Yield a warning about taxels that are not in a file."""
     left = tuple(name for patch in calibration.patches for name in patch.taxels.ids if name not in named)
     if left:
         message = f"{len(left)} taxels have no measurement and keep their response; the first is {left[0]}."

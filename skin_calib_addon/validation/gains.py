@@ -40,6 +40,9 @@ MIN_RELATIVE = 0.3
 # [fraction of the largest reading] Least reading of a usual taxel up to which the readings are tared. Larger: takes
 # offsets for forces.
 MAX_REST_READING = 0.05
+# [fraction of the largest reading] Largest reading of a taxel up to which it has no measurement. Larger: names taxels
+# that presses load a little; smaller: noise of dead taxels is a measurement.
+MIN_PRESSED = 0.05
 # Equal largest readings from which on they are saturated, and their fraction of the presses. Smaller: strong presses
 # are left out.
 MIN_SATURATED, SATURATED_FRACTION = 3, 0.02
@@ -55,19 +58,21 @@ class GainFit:
 
     ids: tuple[str, ...]  # of all taxels with readings
     common: ResponseTable  # with the gain one
-    responses: dict[str, ResponseTable]  # of taxels that were pressed, by their ids
-    gains: Array  # (k,) of these taxels
+    responses: dict[str, ResponseTable]  # by these ids, each from the rest of its taxel
+    pressed: BoolArray  # (k,) taxels with a measurement; the others have the gain of a usual taxel
+    gains: Array  # of the taxels that were pressed
     spread: float  # standard deviation of the gains
     used: BoolArray  # (m,) presses
     forces: Array  # (m,) along the mean normal [N]
     predicted: Array  # (m,) of these forces, without the press itself [N]
     hysteresis: float | None  # loading minus unloading, fraction of the force of a press; None: not significant
     saturated: int  # presses with saturated readings
+    unfelt: BoolArray  # (m,) presses with a force and without a reading; their predicted force is zero
 
     @property
     def errors(self) -> Array:
-        """Relative errors of the predicted forces of the used presses."""
-        return (self.predicted / self.forces - 1)[self.used]
+        """Relative errors of the predicted forces of presses that were used or not felt."""
+        return (self.predicted / self.forces - 1)[self.used | self.unfelt]
 
     @property
     def rms(self) -> float:
@@ -77,13 +82,19 @@ class GainFit:
     @property
     def bias(self) -> float:
         """Relative error of the sum of all forces."""
-        return float(self.predicted[self.used].sum() / self.forces[self.used].sum() - 1)
+        rows = self.used | self.unfelt
+        return float(self.predicted[rows].sum() / self.forces[rows].sum() - 1)
 
     def warnings(self) -> Iterator[Warning]:
         """Yield warnings for the author."""
         if self.saturated:
             message = f"{self.saturated} presses have readings at the upper end of the range, and are not used."
             yield Warning("saturated", "warning", message, value=float(self.saturated), advice="Press with less force.")
+        if self.unfelt.any():
+            message = f"No taxel felt {self.unfelt.sum()} of {len(self.forces)} presses, of up to "
+            message += f"{self.forces[self.unfelt].max():.2g} N. They count as errors of 100 %."
+            advice = "Press on the skin only. Sensors with a dead zone miss weak forces."
+            yield Warning("unfelt", "warning", message, value=float(self.unfelt.sum()), advice=advice)
         if self.hysteresis is not None:
             more = "larger" if self.hysteresis > 0 else "smaller"
             message = f"At the same readings the force is {more} while it rises than while it falls, by "
@@ -94,7 +105,7 @@ class GainFit:
             message = f"The readings give the total force within {self.rms:.0%} (rms)."
             advice = "Check the columns, the order of the channels, and that the probe presses on the skin only."
             yield Warning("poor-response", "warning", message, value=self.rms, advice=advice)
-        left = tuple(name for name in self.ids if name not in self.responses)
+        left = tuple(name for name, is_pressed in zip(self.ids, self.pressed) if not is_pressed)
         if left:
             message = (
                 f"{len(left)} taxels have no measurement, and the response of a usual taxel; the first is {left[0]}."
@@ -117,35 +128,40 @@ def fit_gains(calibration: LinkCalibration, touches: Touches) -> GainFit:
     normals, cosines = _inward(calibration, touches)
     forces = (touches.wrenches[:, :3] * normals).sum(axis=1)
     raw = recording.sign * readings + rest
-    top = raw.max(axis=1) if recording.sign > 0 else -raw.min(axis=1)
-    full = top == top.max()
-    is_saturated = full.sum() >= max(MIN_SATURATED, SATURATED_FRACTION * len(full))
-    used = (readings > 0).any(axis=1) & (forces > 0) & ~(full & is_saturated)
+    # of the strongest taxel: one that is stuck is not saturated
+    top = recording.sign * np.take_along_axis(raw, readings.argmax(axis=1)[:, None], axis=1)[:, 0]
+    is_felt, full = (readings > 0).any(axis=1), top == top.max()
+    forces = np.where(is_felt, forces, np.linalg.norm(touches.wrenches[:, :3], axis=1))  # without a mean normal
+    full &= is_felt & (full.sum() >= max(MIN_SATURATED, SATURATED_FRACTION * len(full)))
+    used, unfelt = is_felt & (forces > 0) & ~full, ~is_felt & (forces > 0)
     if used.sum() < MIN_PRESSES:
-        raise UnderdeterminedFit(f"{used.sum()} presses can be used, which are too few. Record {MIN_PRESSES} or more")
+        reasons = f"{full.sum()} are saturated, no taxel felt {(~is_felt).sum()}, {(forces <= 0).sum()} pull"
+        message = f"{used.sum()} of {len(used)} presses can be used, which are too few; {reasons}"
+        raise UnderdeterminedFit(f"{message}. Record {MIN_PRESSES} or more")
     loads = _Loads(np.maximum(readings[used], 0.0), cosines[used], forces[used])
     knots, by_others = loads.best()
     fitted = loads.fit(knots)
-    predicted = np.full(len(forces), np.nan)
+    predicted = np.where(unfelt, 0.0, np.nan)
     predicted[used] = by_others
-    pressed = (loads.readings > 0).any(axis=0)
+    pressed = loads.readings.max(axis=0) > MIN_PRESSED * loads.readings.max()
     heights = np.concatenate(([0.0], np.cumsum(fitted.slopes * np.diff(knots))))
     tables = {
         name: _table(knots, gain * heights, recording.sign, at_rest)
-        for name, gain, at_rest, is_pressed in zip(touches.felt, fitted.gains, rest.tolist(), pressed)
-        if is_pressed
+        for name, gain, at_rest in zip(touches.felt, np.where(pressed, fitted.gains, 1.0), rest.tolist())
     }
     return GainFit(
         touches.felt,
         _table(knots, heights, recording.sign, float(np.median(rest))),
         tables,
+        pressed,
         fitted.gains[pressed],
         fitted.spread,
         used,
         forces,
         predicted,
         _hysteresis(touches, fitted, knots, normals, cosines),
-        int((full & is_saturated).sum()),
+        int(full.sum()),
+        unfelt,
     )
 
 

@@ -1,5 +1,7 @@
 """Responses from presses of many taxels at once, whose total force a sensor measures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from skin_calib_addon.validation.gains import fit_gains
 from tests.samples import sheet, small_calibration
 
 SHEET = sheet(3, 4, 0.01)
+OTHER = sheet(1, 2, 0.01)
 CALIBRATION = small_calibration(patches=(SHEET,))
 IDS = SHEET.taxels.ids
 GAINS = 1 + 0.2 * np.sin(np.arange(12))
@@ -82,15 +85,32 @@ def test_saturated_readings_and_hysteresis_are_named(tmp_path):
 
 
 def test_taxels_that_nothing_pressed_have_the_usual_response(tmp_path):
-    """They are named."""
+    """It begins at their own rest: stuck at the end of the range, or a dead one with noise. They are named."""
 
     def silent(columns):
-        return columns | {IDS[0]: np.full(len(columns["time"]), 30.0)}
+        noise = np.random.default_rng(5).normal(0, 3, len(columns["time"]))
+        return columns | {IDS[0]: np.full(len(columns["time"]), 900.0), IDS[1]: 300 + np.rint(noise)}
 
     fit = fitted(tmp_path, edit=silent)
-    assert IDS[0] not in fit.responses and len(fit.responses) == 11
+    assert len(fit.gains) == 10 and fit.saturated == 0
+    assert fit.responses[IDS[0]].rest == 900 and abs(fit.responses[IDS[1]].rest - 300) < 2
+    np.testing.assert_array_equal(fit.responses[IDS[0]].forces, fit.common.forces)
     (warning,) = (one for one in fit.warnings() if one.code == "not-measured")
-    assert warning.where.taxels == (IDS[0],)
+    assert warning.where.taxels == IDS[:2]
+
+
+def test_presses_that_no_taxel_felt_are_errors(tmp_path):
+    """A dead zone hides them from the readings, not from the stated error."""
+
+    def insensitive(columns):
+        return columns | {name: 30 + np.maximum(columns[name] - 80, 0) for name in IDS}
+
+    fit = fitted(tmp_path, edit=insensitive)
+    assert fit.unfelt.sum() > 5 and not (fit.unfelt & fit.used).any()
+    assert (fit.errors == -1).sum() == fit.unfelt.sum() and fit.rms > np.sqrt(fit.unfelt.mean())
+    assert "unfelt" in {one.code for one in fit.warnings()}
+    with pytest.raises(UnderdeterminedFit, match="0 of 80 presses can be used, which are too few; 0 are saturated, no"):
+        fitted(tmp_path, edit=lambda columns: columns | dict.fromkeys(IDS, np.full(len(columns["time"]), 30.0)))
 
 
 def without_time(columns):
@@ -120,11 +140,14 @@ def test_a_session_without_readings_is_refused(tmp_path):
 def test_the_command_takes_a_session(tmp_path, capsys):
     """The result has a response for each taxel; the picture is drawn; bad sessions are one line."""
     session = written(tmp_path)
-    save_calibration(CALIBRATION, tmp_path / "c.json")
+    taxels = replace(OTHER.taxels, ids=("t0", "t1"), channels=np.array((12, 13)), neighbours=(("t1",), ("t0",)))
+    other = replace(OTHER, name="other", taxels=taxels)
+    save_calibration(small_calibration(patches=(SHEET, other)), tmp_path / "c.json")
     words = ["response", tmp_path / "c.json", session, "-o", tmp_path / "out.json", "--picture", tmp_path / "p.png"]
     assert main([str(word) for word in words]) == 0
     out, err = capsys.readouterr()
-    assert "gains            0.8" in out and "80 of 80 presses; by the other presses within " in out and err == ""
+    assert "gains            0.8" in out and "80 of 80 presses; by the other presses within " in out
+    assert "2 taxels have no measurement and keep their response; the first is t0" in err and err.count("\n") == 1
     after = load_calibration(tmp_path / "out.json")
     assert len(set(after.patches[0].taxels.responses.tolist())) == 12 and (tmp_path / "p.png").stat().st_size > 10_000
     session.write_text(session.read_text().replace("fz", "force"))
