@@ -16,6 +16,9 @@ LOW_PASS = 5.0  # [Hz] of the total force. Larger: more noise. Smaller: presses 
 PRESS_SIGMA = 5.0  # [standard deviations at rest] of a press. Larger: misses light presses.
 # [fraction of the largest force] of a press. Larger: misses light presses. Smaller: takes drift for presses.
 MIN_PRESS_FORCE = 0.03
+# [fraction of the largest force] Difference of the forces at rest that lasts as long as a press, and is one. Larger:
+# takes readings of a press for those at rest; smaller: refuses weak presses.
+MAX_REST_FORCE = 0.2
 PLATEAU = 0.8  # [fraction of the largest force of a press] from which on rows count. Larger: fewer rows.
 # [m] Successive rows of one taxel that are nearer than this to their mean are one press, if nothing else separates
 # presses. Larger: touches next to each other become one. Smaller: noise makes several of one.
@@ -130,8 +133,10 @@ def _by_force(recorded: Recorded, times: Array) -> Presses:
         numbers[rows] = count
         count += 1
         sizes.append(len(rows))
-    if count == 0 or (numbers[at_rest] >= 0).any():
-        message = "no press was found" if count == 0 else "the skin is pressed in the first second"
+    is_off = np.abs(rest - usual) > MAX_REST_FORCE * float(smooth.max() - usual)  # the median may be that of a press
+    is_pressed = any(times[last] - times[first] >= MIN_PRESS_TIME for first, last in _runs(is_off))
+    if is_pressed or count == 0 or (numbers[at_rest] >= 0).any():
+        message = "no press was found" if count == 0 and not is_pressed else "the skin is pressed in the first second"
         raise TableError(line, f"{message}. Record {REST_TIME:g} s without contact, then the presses, or number them")
     of_medians = None if noise is None else noise * float(np.sqrt(np.pi / 2 / np.median(sizes)))
     return replace(tared, force_noise=of_medians)

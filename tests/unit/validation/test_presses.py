@@ -113,3 +113,15 @@ def test_error_of_a_session_is_one_line(tmp_path, header, rows, comment, message
     with pytest.raises(CalibrationFormatError) as caught:
         read(tmp_path, header, rows, comment)
     assert message in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("first", [0.3, 0.5, 0.8])
+def test_a_press_in_the_first_second_is_refused(tmp_path, first):
+    """The median of that second can be the force of the press, which would be taken for the rest."""
+    time, factor, _ = session(count=6)
+    rng = np.random.default_rng(0)
+    is_kept = time >= 1.2 + 0.5 - first
+    forces = factor[:, None] * (0.0, 0.0, -6.0) + rng.normal(0, 0.05, (len(time), 3))
+    rows = [(t, IDS[0], *f, 0.01, 0, 0) for t, f in zip(time[is_kept], forces[is_kept])]
+    with pytest.raises(CalibrationFormatError, match="the skin is pressed in the first second"):
+        read(tmp_path, ("time", "taxel", "fx", "fy", "fz", "tx", "ty", "tz"), rows)
