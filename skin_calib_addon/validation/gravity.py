@@ -19,7 +19,7 @@ import numpy as np
 
 from ..calibration.measurements import TaxelColumn
 from ..calibration.model import LinkCalibration
-from ..common.arrays import Array
+from ..common.arrays import Array, unit
 from ..common.errors import CalibrationFormatError
 from ..common.findings import show
 from ..common.tables import TableError, find_column, naming_file, number_in, read_named_rows
@@ -37,6 +37,9 @@ MIN_SPREAD = 0.1
 MAX_SCALE_ERROR = 0.15
 # [1] Residual relative to gravity from which on the link was not at rest. Larger: fewer refusals.
 MAX_RESIDUAL = 0.2
+# [1] Largest distance of the directions of gravity in successive rows of one posture, which count once: .5 degrees.
+# Larger: joins postures; smaller: noise of the joints makes several of one, with standard errors that are too small.
+SAME_POSTURE = 0.01
 # [rad], [standard errors] of a rotation that is named. Larger: fewer warnings.
 MIN_ROTATION, MIN_SIGNIFICANCE = np.deg2rad(1.0), 4.0
 
@@ -47,6 +50,7 @@ class Orientation:
 
     taxel: str
     postures: int
+    is_reversed: bool  # whether the normal points inward; then the angles are those after a half turn about the tangent
     turn: float  # about the normal, counter-clockwise seen from outside [rad]
     tilt: Array  # (2,) of the normal, about the tangent and about the direction across [rad]
     errors: Array  # (3,) standard errors about tangent, across and normal [rad]
@@ -58,13 +62,15 @@ class Orientation:
         """Whether the rotation is significant."""
         rotation = np.append(self.tilt, self.turn)
         significant = np.abs(rotation) > MIN_SIGNIFICANCE * self.errors
-        return bool((significant & (np.abs(rotation) > MIN_ROTATION)).any())
+        return self.is_reversed or bool((significant & (np.abs(rotation) > MIN_ROTATION)).any())
 
     def summary(self) -> str:
         """Return a line about it."""
         x, y, z = np.rad2deg(np.append(self.tilt, self.turn)) + 0.0
+        side = "upside down, " if self.is_reversed else ""
         return (
-            f"{self.taxel:16} turned {z:+.1f} degrees about the normal, normal off by ({x:+.1f}, {y:+.1f}) degrees, "
+            f"{self.taxel:16} {side}turned {z:+.1f} degrees about the normal, "
+            f"normal off by ({x:+.1f}, {y:+.1f}) degrees, "
             f"+- {np.rad2deg(self.errors.max()):.1f}; {self.postures} postures"
         )
 
@@ -96,8 +102,7 @@ def read_orientations(path: str | os.PathLike[str], calibration: LinkCalibration
         Orientation(
             name,
             fit.postures,
-            float(np.arctan2(fit.rotation[1, 0] - fit.rotation[0, 1], fit.rotation[0, 0] + fit.rotation[1, 1])),
-            np.array((-fit.rotation[1, 2], fit.rotation[0, 2])),
+            *_angles(fit.rotation),
             np.sqrt(np.diag(np.linalg.inv(fit.geometry))) * noise,
             fit.offset,
             float(np.sqrt(fit.squares / (3 * fit.postures))),
@@ -127,6 +132,28 @@ def _axes(calibration: LinkCalibration) -> dict[str, Array]:
     return out
 
 
+def _angles(rotation: Array) -> tuple[bool, float, Array]:
+    """Return whether a rotation reverses the normal, its turn about the normal, and its tilt (2,) [rad]."""
+    is_reversed = bool(rotation[2, 2] < 0)
+    if is_reversed:  # after a half turn about the tangent
+        rotation = rotation * (1.0, -1.0, -1.0)
+    turn = np.arctan2(rotation[1, 0] - rotation[0, 1], rotation[0, 0] + rotation[1, 1])
+    across = np.array((-rotation[1, 2], rotation[0, 2]))
+    sine = float(np.linalg.norm(across))
+    return is_reversed, float(turn), across * (np.arctan2(sine, rotation[2, 2]) / sine if sine > 0 else 1.0)
+
+
+def _postures(rows: Array) -> Array:
+    """Return the means of successive rows (m, 6) with nearly the same direction of gravity."""
+    directions = unit(rows[:, 3:])
+    starts = [0]
+    for k in range(1, len(rows)):
+        if np.linalg.norm(directions[k] - directions[starts[-1]]) > SAME_POSTURE:
+            starts.append(k)
+    rows = np.hstack((rows[:, :3], directions))
+    return np.array([part.mean(axis=0) for part in np.split(rows, starts[1:])])
+
+
 class _Fit(NamedTuple):
     rotation: Array  # (3, 3) from the axes of the sensor to those of the calibration
     offset: Array  # (3,) [m/s^2]
@@ -141,10 +168,13 @@ def _fit(taxel: str, axes: Array, rows: list[tuple[int, list[float]]]) -> _Fit:
     size = np.linalg.norm(numbers[:, 3:], axis=1)
     if not size.all():
         raise TableError(rows[int(np.argmin(size))][0], "the direction of gravity is zero")
+    numbers = _postures(numbers)
+    size = np.linalg.norm(numbers[:, 3:], axis=1)
     measured, up = numbers[:, :3], -GRAVITY * numbers[:, 3:] / size[:, None] @ axes
     a, b = measured - measured.mean(axis=0), up - up.mean(axis=0)
-    if len(rows) < MIN_POSTURES or np.linalg.svd(b, compute_uv=False)[2] < MIN_SPREAD * GRAVITY * np.sqrt(len(rows)):
-        message = f"the {len(rows)} postures of the taxel {show(taxel)} leave its orientation open"
+    count = len(numbers)
+    if count < MIN_POSTURES or np.linalg.svd(b, compute_uv=False)[2] < MIN_SPREAD * GRAVITY * np.sqrt(count):
+        message = f"the {count} postures of the taxel {show(taxel)} leave its orientation open"
         raise TableError(first, f"{message}. Turn the link so that gravity points to all sides")
     left, values, right = np.linalg.svd(b.T @ a)
     scale = float(values.sum() / (b**2).sum())
@@ -154,9 +184,11 @@ def _fit(taxel: str, axes: Array, rows: list[tuple[int, list[float]]]) -> _Fit:
     is_mirrored = np.linalg.det(left @ right) < 0
     rotation = left @ np.diag((1.0, 1.0, -1.0 if is_mirrored else 1.0)) @ right
     squares = float(((a - b @ rotation) ** 2).sum())
-    if squares > 3 * len(rows) * (MAX_RESIDUAL * GRAVITY) ** 2:
+    if squares > 3 * count * (MAX_RESIDUAL * GRAVITY) ** 2:
         message = f"the accelerations of the taxel {show(taxel)} do not fit gravity"
-        reason = "one or all axes have the opposite sign: at rest they point up" if is_mirrored else "the link moved"
+        reason = "the link moved"
+        if is_mirrored:
+            reason = "one or all axes have the opposite sign; at rest accelerations point up, and gravity points down"
         raise TableError(first, f"{message}: {reason}")
     offset = measured.mean(axis=0) - up.mean(axis=0) @ rotation
-    return _Fit(rotation, offset, np.eye(3) * (b**2).sum() - b.T @ b, squares, len(rows))
+    return _Fit(rotation, offset, np.eye(3) * (b**2).sum() - b.T @ b, squares, count)

@@ -59,6 +59,34 @@ def test_standard_errors_hold(tmp_path):
     assert 0.6 < np.mean(np.array(ratios) < 1) < 0.76 and 0.91 < np.mean(np.array(ratios) < 2) < 0.99
 
 
+def test_boards_that_are_upside_down_or_upright_are_named(tmp_path):
+    """A half turn about the tangent, and a quarter turn, in true angles; the other boards stay as they are."""
+
+    def edited(rows):
+        over = {"b0.0": lambda x, y, z: (x, -y, -z), "b1.0": lambda x, y, z: (y, z, x)}
+        return [[row[0], *over.get(row[0], lambda *a: a)(*row[1:4]), *row[4:]] for row in rows]
+
+    found = {one.taxel: one for one in read_orientations(written(tmp_path, edit=edited), CALIBRATION)}
+    assert [name for name, one in found.items() if one.is_reversed] == ["b0.0"]
+    assert found["b0.0"].is_rotated and "upside down, turned" in found["b0.0"].summary()
+    assert abs(found["b0.0"].turn) < 0.01 and np.abs(found["b0.0"].tilt).max() < 0.01
+    np.testing.assert_allclose(np.linalg.norm(found["b1.0"].tilt), np.pi / 2, rtol=0, atol=0.01)
+
+
+def test_rows_of_one_posture_count_once(tmp_path):
+    """Postures are known to 2 degrees only: many rows of each do not make the standard errors smaller."""
+
+    def repeated(rows):
+        rng, out = np.random.default_rng(4), []
+        for row in rows:
+            down = np.array(row[4:]) / np.linalg.norm(row[4:]) + rng.normal(0, 0.03, 3)
+            out += [[row[0], *(np.array(row[1:4]) + rng.normal(0, 0.03, 3)), *down] for _ in range(50)]
+        return out
+
+    for one in read_orientations(written(tmp_path, edit=repeated), CALIBRATION):
+        assert one.postures == 10 and one.errors.min() > np.deg2rad(0.3)
+
+
 def about_one_axis(rows):
     return [[*row[:4], row[4], row[5], 0.0] for row in rows]
 
@@ -68,7 +96,7 @@ def about_one_axis(rows):
     [
         (about_one_axis, "line 2: the 10 postures of the taxel \"b0.0\" leave its orientation open"),
         (lambda rows: rows[:3], "the 3 postures"),
-        (lambda rows: [[row[0], *(-a for a in row[1:4]), *row[4:]] for row in rows], "axes have the opposite sign"),
+        (lambda rows: [[row[0], *(-a for a in row[1:4]), *row[4:]] for row in rows], "the opposite sign; at rest"),
         (lambda rows: [[row[0], *(a / 9.8 for a in row[1:4]), *row[4:]] for row in rows], "change by 0.102 of what"),
         (lambda rows: [[row[0], *row[3:0:-1], *row[4:]] for row in rows], "do not fit gravity: one or all axes"),
         (lambda rows: [[*rows[0][:4], 0, 0, 0], *rows[1:]], "line 2: the direction of gravity is zero"),

@@ -115,13 +115,12 @@ def test_error_of_a_session_is_one_line(tmp_path, header, rows, comment, message
     assert message in str(caught.value) and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("first", [0.3, 0.5, 0.8])
-def test_a_press_in_the_first_second_is_refused(tmp_path, first):
-    """The median of that second can be the force of the press, which would be taken for the rest."""
-    time, factor, _ = session(count=6)
-    rng = np.random.default_rng(0)
-    is_kept = time >= 1.2 + 0.5 - first
-    forces = factor[:, None] * (0.0, 0.0, -6.0) + rng.normal(0, 0.05, (len(time), 3))
-    rows = [(t, IDS[0], *f, 0.01, 0, 0) for t, f in zip(time[is_kept], forces[is_kept])]
+def test_a_press_in_half_of_the_first_second_is_refused(tmp_path):
+    """The median of that second would be a force of the press, and the presses that differ from it would be touches."""
+    ramp = np.linspace(0, 1, 10)
+    shape = np.concatenate((ramp, np.ones(50), ramp[::-1], np.zeros(40)))
+    factor = np.concatenate((np.zeros(50), *(force * shape for force in (3.0, 4.0, 5.0, 6.0, 3.5))))
+    noise = np.random.default_rng(0).normal(0, 0.05, (len(factor), 3))
+    rows = [(k / 100, IDS[0], *f, 0.01, 0, 0) for k, f in enumerate(noise - factor[:, None] * (0.0, 0.0, 1.0))]
     with pytest.raises(CalibrationFormatError, match="the skin is pressed in the first second"):
         read(tmp_path, ("time", "taxel", "fx", "fy", "fz", "tx", "ty", "tz"), rows)
