@@ -3,10 +3,12 @@
 import argparse
 import runpy
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from ..calibration.file import load_calibration
 from ..calibration.model import LinkCalibration
@@ -16,7 +18,7 @@ from ..live.inputs import FileInput, Input, SerialInput, UdpInput
 from ..live.loop import Status, undisturbed
 from ..live.loop import run as run_loop
 from ..live.outputs import McapOutput, Output, UdpOutput
-from ..messages.packet import Decoder
+from ..messages.packet import Decoder, Reading
 from ..runtime import Skin, load
 from .common import DONE, check_target, complain, count, named_path, say
 from .tare import add_accept, rested
@@ -134,15 +136,49 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _decoder(path: Path) -> Any:
-    """Return the decoder of a Python file."""
+    """Return the decoder of a Python file, whose readings are checked."""
     try:
         decoder = runpy.run_path(str(path))["Decoder"]()
-    except Exception as problem:  # whatever the file of the user raises
+    except (Exception, SystemExit) as problem:  # whatever the file of the user raises
         what = f"{type(problem).__name__}: {problem}"
         raise CalibrationFormatError(f"cannot use a class Decoder of '{path}': {what}. Correct the file") from problem
     if not callable(getattr(decoder, "feed", None)):
         raise CalibrationFormatError(f"the class Decoder of '{path}' has no method feed(data, is_datagram). Add it")
-    return decoder
+    return _Checked(decoder, path)
+
+
+class _Checked:
+    """A decoder of the user, whose errors and readings are named."""
+
+    def __init__(self, decoder: Any, path: Path):
+        self._decoder, self._path = decoder, path
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._decoder, name)
+
+    def feed(self, data: bytes, is_datagram: bool) -> list[Reading]:
+        """Return the readings that the decoder returns."""
+        try:
+            found = list(self._decoder.feed(data, is_datagram))
+            for reading in found:
+                _check(reading)
+        except (Exception, SystemExit) as problem:
+            what = f"the class Decoder of '{self._path}' failed: {type(problem).__name__}: {problem}"
+            raise CalibrationFormatError(f"{what}. Correct the file") from problem
+        return found
+
+
+def _check(reading: Any) -> None:
+    """Check what a decoder of the user has returned."""
+    if not isinstance(reading, Reading):
+        raise TypeError(f"{reading!r:.40} is not a Reading")
+    if not isinstance(reading.cycle, int | np.integer) or not 0 <= reading.cycle < 2**63:
+        raise ValueError(f"the cycle {reading.cycle!r:.40} is not a number from 0 on")
+    if not isinstance(reading.time, int | float | np.number) or not np.isfinite(reading.time):
+        raise ValueError(f"the time {reading.time!r:.40} is not a number of seconds")
+    values = reading.values.values() if isinstance(reading.values, Mapping) else (reading.values,)
+    if any(np.asarray(of_one).dtype.kind not in "buif" for of_one in values):
+        raise TypeError("values are not numbers")
 
 
 def _input(place: Place, skin: Skin, decoder: Any) -> Input:

@@ -31,7 +31,10 @@ class Output:
 
 
 class McapOutput(Output):
-    """Write an MCAP file with layout, readings and frames. A file that exists is not replaced."""
+    """Write an MCAP file with layout, readings and frames. A file that exists is not replaced.
+
+    Without a frame there is no file.
+    """
 
     topics = ("layout", "reading", "frame")
 
@@ -61,7 +64,10 @@ class McapOutput(Output):
     def close(self) -> None:
         """Complete the file."""
         with self._naming(), self._stream:
-            (self._file or McapSkin(self._stream, self._calibration, self._skin, 0.0)).close()
+            if self._file is None:
+                Path(self.text).unlink(missing_ok=True)
+            else:
+                self._file.close()
 
 
 class UdpOutput(Output):
