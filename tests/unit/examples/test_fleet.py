@@ -1,5 +1,6 @@
 """Recordings of many robots on several processes: a worker that is killed loses nothing."""
 
+import importlib.util
 import os
 import signal
 import subprocess
@@ -71,3 +72,73 @@ def test_a_killed_worker_loses_nothing(folder):
         np.testing.assert_array_equal(np.stack([table[n] for n in ("fx", "fy", "fz")]), found.wrench[:, :3].T)
     again = started(folder)
     assert "0 computed, 7 up to date, 1 failed" in again.communicate(timeout=120)[0]
+
+
+def written_parquet(path, change):
+    import pyarrow
+
+    parquet.write_table(pyarrow.table({name: column[:50] for name, column in recording(6).items()} | change), path)
+
+
+@pytest.fixture
+def fleet():
+    """The example as a module."""
+    spec = importlib.util.spec_from_file_location("fleet", FLEET)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"time": np.arange(50).astype("datetime64[ms]")}, "error: the column time of 'r.parquet' is timestamp[ms]"),
+        ({"time": np.arange(50.0)[::-1]}, "warning: the time does not increase in 49 rows"),
+        ({"channel_2": np.append(np.zeros(49), np.nan)}, "warning: taxels have no valid force in 1 rows"),
+        ({"channel_9": np.zeros(50)}, "warning: 1 columns are not of this skin; the first is channel_9"),
+    ],
+)
+def test_what_is_special_about_a_recording_is_named(fleet, tmp_path, change, what):
+    """Times in another unit are refused; missing readings are in the results."""
+    save_calibration(small_calibration(), tmp_path / "c.json")
+    written_parquet(tmp_path / "r.parquet", change)
+    out = tmp_path / "out.parquet"
+    count, notes = fleet.computed(tmp_path / "r.parquet", out, tmp_path / "c.json", None)
+    assert any(note.startswith(what) for note in notes) and out.exists() == (count == 50)
+    if "channel_2" in change:
+        assert parquet.read_table(out)["unknown_taxels"].to_pylist() == [0] * 49 + [1]
+
+
+def test_results_of_a_changed_recording_are_computed_again(fleet, tmp_path):
+    """So are damaged ones; a recording without a reading has none."""
+    calibration, source, out = (tmp_path / name for name in ("c.json", "r.csv", "out.parquet"))
+    save_calibration(small_calibration(), calibration)
+
+    def is_done(rows):
+        np.savetxt(source, np.column_stack(list(recording(1).values()))[:rows], "%.6g", ",",
+                   header=",".join(recording(1)), comments="")  # fmt: skip
+        return fleet.is_done(out, fleet.made_with(source, calibration, None))
+
+    assert not is_done(40) and fleet.computed(source, out, calibration, None)[0] == 40
+    assert fleet.is_done(out, fleet.made_with(source, calibration, None)) and not is_done(41)
+    out.write_bytes(b"PAR1")
+    assert not fleet.is_done(out, fleet.made_with(source, calibration, None))
+    out.unlink()
+    assert not is_done(0) and fleet.computed(source, out, calibration, None)[0] == 0 and not out.exists()
+
+
+def test_wrong_folders_are_refused(fleet, tmp_path, monkeypatch, capsys):
+    """Before anything is computed."""
+    save_calibration(small_calibration(), tmp_path / "c.json")
+    (tmp_path / "in").mkdir()
+    for words, what in [(("none", "-o", "out"), "not a folder"), (("in", "-o", "out"), "has no file")]:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", ["fleet.py", "c.json", *words])
+        with pytest.raises(SystemExit):
+            fleet.main()
+        assert what in capsys.readouterr().err and not (tmp_path / "out").exists()
+    written_parquet(tmp_path / "in" / "r.parquet", {})
+    monkeypatch.setattr(sys, "argv", ["fleet.py", "c.json", "in", "-o", "in"])
+    with pytest.raises(SystemExit):
+        fleet.main()
+    assert "would be in the folder of the recordings" in capsys.readouterr().err
