@@ -115,7 +115,7 @@ class _Table:
             elif name in joints and not joints[name].mimic:
                 is_slide = joints[name].type == "prismatic"
                 self._add(self.joints, joints[name].name, place, unit, LENGTHS if is_slide else ANGLES)
-            elif unit in ANGLES and name not in joints:
+            elif unit in ANGLES and name not in {known.lower() for known in robot.joints}:  # fixed ones are not used
                 message = f"{robot.file} has no joint {show(name)}{did_you_mean(name, joints)}"
                 raise TableError(self.line, message, place + 1)
         for k in sorted({k for k, _ in self.felt.values()}):

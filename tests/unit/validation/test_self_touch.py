@@ -393,3 +393,19 @@ def test_command_moves_nothing_by_wrong_touches(folder, touches, capsys):
     assert "or the folder of the robot. Name another folder" in capsys.readouterr().err
     assert not (folder / "moved").exists()
     assert load_calibration(folder / "bot" / "trunk.calibration.json").patches[0].registration is None
+
+
+def test_columns_of_joints_that_do_not_move_are_not_used(touches, skins, tmp_path):
+    """A recording of all joints has those that are fixed, or follow others, too."""
+    fixed, follows = (
+        f'<joint name="{name}" type="{kind}"><parent link="trunk"/><child link="{name}_link"/>{more}</joint>'
+        for name, kind, more in (
+            ("Flange", "fixed", ""),
+            ("finger", "revolute", '<limit lower="-1" upper="1"/><mimic joint="pan"/>'),
+        )
+    )
+    (tmp_path / "bot.urdf").write_text(urdf(fixed, follows, '<link name="Flange_link"/>', '<link name="finger_link"/>'))
+    lines = table(touches[:3]).splitlines()
+    text = "\n".join([lines[0], f"{lines[1]},Flange [deg],finger [deg]", *(f"{line},0,70" for line in lines[2:])])
+    found = session(tmp_path, text + "\n", read_robot(tmp_path / "bot.urdf"), skins)
+    assert set(found.positions) == set(ARM) and len(found.unused) == 2
