@@ -84,7 +84,7 @@ def package_files(
     messages = {f"messages/{file}": data for file, data in message_files(calibrations.values()).items()}
     displays = [
         DISPLAY.format(
-            name=json.dumps(f"{link} {topic}"),
+            name=json.dumps(f"{link} {topic}", ensure_ascii=False),
             depth=depth,
             durability="Transient Local" if durability == TRANSIENT_LOCAL else "Volatile",
             topic=topic_of(link, topic),
@@ -100,7 +100,7 @@ def package_files(
         "DEPENDS": "\n".join(f"  <exec_depend>{package}</exec_depend>" for package in needed),
         "FOLDERS": " ".join(sorted({"launch", "messages", "rviz", *(file.partition("/")[0] for file in files)})),
         "DISPLAYS": "\n".join(displays),
-        "ROOT": json.dumps(root),
+        "ROOT": json.dumps(root, ensure_ascii=False),  # in YAML, too
     }
     places = {"skin.launch.py": "launch/", "skin.rviz": "rviz/", "publish_skin": "scripts/"}
     for path in sorted(TEMPLATE.glob("*.in")):

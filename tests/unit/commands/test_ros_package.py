@@ -302,12 +302,16 @@ def test_one_link_is_a_package_too(robot, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("link", "name"), [("7-DoF arm", "robot_7_dof_arm_skin"), ("腕", "robot_skin"), ("__Sole", "sole_skin")]
+    ("link", "name"), [("7-DoF arm", "robot_7_dof_arm_skin"), ("腕🦾", "robot_skin"), ("__Sole", "sole_skin")]
 )
 def test_names_become_names_of_packages(tmp_path, capsys, link, name):
+    """The link keeps its name in the view, also one with characters outside of the first plane of Unicode."""
+    yaml = pytest.importorskip("ruamel.yaml", reason="pip install ruamel.yaml").YAML(typ="safe")
     save_calibration(small_calibration(link=link), tmp_path / "a.json")
     assert export(tmp_path / "a.json", tmp_path / "out") == 0
     assert f"skin_calib_msgs and {name}," in capsys.readouterr().out and (tmp_path / "out" / name).is_dir()
+    view = yaml.load(tmp_path / "out" / name / "rviz" / "skin.rviz")["Visualization Manager"]
+    assert view["Global Options"]["Fixed Frame"] == link
 
 
 def test_links_with_the_same_topic_are_refused(tmp_path, capsys):
