@@ -20,7 +20,7 @@ OF_TOOL, OF_LINK = (
 MESH_UNITS = ("m", "cm", "mm", "in")  # Contract: that the comment can name
 # [1] of the length of a quaternion from 1: they are written with a few digits. Larger: takes other numbers for one.
 MAX_QUATERNION_ERROR = 0.02
-# [m] depth of a tool in the mesh of the link from which on a warning is given: soft layers give way by less. Larger:
+# [m] depth of a tool in the mesh of the link from which on a warning is given: layers are softer, but thin. Larger:
 # fewer warnings.
 MAX_DEPTH = 3e-3
 # [m] spread (rms) of the nearest points of a tool from which on a warning is given. Larger: fewer warnings.
