@@ -25,21 +25,20 @@ def tool_contacts(poses: ToolPoses, link: TriangleMesh) -> ToolContacts:
     """
     mesh = load_mesh(poses.file, poses.unit)
     tool, distance = Tool(mesh), SignedDistance(cut_cover(link, CoverSpec("seen")))
-    found = _contacts(poses, tool, distance, not at_rims(mesh.faces, len(mesh.vertices)).any())
-    if (away := _away(found)) > MAX_TOOL_DISTANCE:
-        message = f"the tool is {away * 1e3:.0f} mm (median) from the surface of the link"
+    if (away := _away(poses, tool, distance)) > MAX_TOOL_DISTANCE:
+        message = f"The tool of {poses.file.name} is {away * 1e3:.0f} mm (median) from the surface of the link"
         some = np.linspace(0, len(poses.lines) - 1, min(MAX_TRIED, len(poses.lines))).astype(int)
         for words, other in poses.alternatives():
             other = replace(
                 other, lines=other.lines[some], positions=other.positions[some], rotations=other.rotations[some]
             )
-            if (then := _away(_contacts(other, tool, distance, True))) < MAX_TOOL_DISTANCE / 2:
+            if (then := _away(other, tool, distance)) < MAX_TOOL_DISTANCE / 2:
                 raise CalibrationFormatError(
-                    f"{message}, and {then * 1e3:.1f} mm if the columns have {words}. Correct it."
+                    f"{message}, and {then * 1e3:.0f} mm if the columns have {words}. Correct it."
                 )
         without = " and of the link, whose pose is missing" if poses.of_link is None else " and of the link"
         raise CalibrationFormatError(f"{message}. Check the frames of the tool{without}, and the unit of its mesh.")
-    return found
+    return _contacts(poses, tool, distance, not at_rims(mesh.faces, len(mesh.vertices)).any())
 
 
 def _contacts(poses: ToolPoses, tool: Tool, distance: SignedDistance, is_closed: bool) -> ToolContacts:
@@ -59,5 +58,6 @@ def _contacts(poses: ToolPoses, tool: Tool, distance: SignedDistance, is_closed:
     )
 
 
-def _away(contacts: ToolContacts) -> float:
-    return float(np.median(np.abs(contacts.distances)))
+def _away(poses: ToolPoses, tool: Tool, distance: SignedDistance) -> float:
+    """Return the median distance of the tool from the surface of the link [m]."""
+    return float(np.median([abs(tool.distance(distance, *pose)) for pose in zip(poses.rotations, poses.positions)]))

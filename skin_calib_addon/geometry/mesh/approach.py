@@ -14,6 +14,7 @@ from .distance import closest, dots
 from .triangle_mesh import TriangleMesh, weld
 
 RESOLUTION = 2e-4  # [m] radius of the smallest parts of the tool. Smaller: more accurate, more time.
+COARSE_RESOLUTION = 2e-3  # [m] likewise, to see whether the poses are right.
 # [m] Points of the tool that are this much farther than the nearest one touch, too. Larger: the point of touch is the
 # mean of a larger part. Smaller: it depends on single faces of the meshes.
 SAME_DISTANCE = 5e-5
@@ -110,6 +111,10 @@ class Tool:
         self.middle = np.average(mesh.triangles.mean(axis=1), axis=0, weights=mesh.face_areas)
         self.clusters = _clusters(self.triangles.mean(axis=1), np.arange(len(mesh.faces)), len(mesh.faces) ** 0.5)
 
+    def distance(self, link: SignedDistance, rotation: Array, position: Array) -> float:
+        """Return the distance of `approach` to some millimetres, which is quick where the tool is anywhere [m]."""
+        return self._approach(link, rotation, position, COARSE_RESOLUTION).distance
+
     def approach(self, link: SignedDistance, rotation: Array, position: Array) -> Approach:
         """Return how near the tool comes to the link, at its pose in the frame of the link."""
         found = self._approach(link, rotation, position)
@@ -118,7 +123,9 @@ class Tool:
             found = found if local is None else self._approach(local, rotation, position)
         return found
 
-    def _approach(self, link: SignedDistance, rotation: Array, position: Array) -> Approach:
+    def _approach(
+        self, link: SignedDistance, rotation: Array, position: Array, resolution: float = RESOLUTION
+    ) -> Approach:
         triangles = self.triangles @ rotation.T + position
         middles = triangles.mean(axis=1)
         first = np.array([cluster[0] for cluster in self.clusters])
@@ -135,7 +142,7 @@ class Tool:
             radii = norms((parts - middles[:, None]).reshape(-1, 3)).reshape(-1, 3).max(axis=1)
             low = distances - radii
             can_touch, is_open = low <= best + SAME_DISTANCE, (low <= 0) & (distances + radii > 0)
-            divided = (radii > RESOLUTION) & (can_touch | is_open)
+            divided = (radii > resolution) & (can_touch | is_open)
             if divided.sum() > MAX_PARTS:
                 divided[:] = False
             kept = ~divided & (can_touch | (distances < 0))

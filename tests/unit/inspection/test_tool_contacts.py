@@ -88,11 +88,11 @@ def w_first(pose):
     [
         (
             {"away": 0.05},
-            "the tool is 50 mm .median. from the surface of the link. Check the frames of the tool and of",
+            "The tool of tool.stl is 50 mm .median. from the surface of the link. Check the frames of the tool and of",
         ),
         (
             {"change": lambda tool, link: (w_first(tool), w_first(link))},
-            "and 0.[0-9] mm if the columns have quaternions with w first. Correct it",
+            "and [01] mm if the columns have quaternions with w first. Correct it",
         ),
         (
             {"change": lambda tool, link: (tool * (1, 1, 1, -1, -1, -1, 1), link * (1, 1, 1, -1, -1, -1, 1))},
