@@ -50,9 +50,8 @@ def read_recording(path: str | Path, skin: Skin) -> Recording:
     return _packed(path, skin.reading_length) if path.suffix.lower() == ".npz" else _table(path, skin)
 
 
-def _messages(path: Path, skin: Skin) -> Recording:
-    """Open an MCAP file."""
-    found = RecordedReadings(path, skin.link, MAX_NUMBERS)
+def faults_of(found: RecordedReadings) -> list[str]:
+    """Return what is missing in the readings of an MCAP file."""
     notes = []
     if found.is_cut:
         notes.append(
@@ -62,6 +61,13 @@ def _messages(path: Path, skin: Skin) -> Recording:
         notes.append(f"{counted(found.missing, 'reading')} missing in the file, by the cycle numbers")
     if found.restarts:
         notes.append(f"the cycle numbers begin again {counted(found.restarts, 'time')}: the sender restarted")
+    return notes
+
+
+def _messages(path: Path, skin: Skin) -> Recording:
+    """Open an MCAP file."""
+    found = RecordedReadings(path, skin.link, MAX_NUMBERS)
+    notes = faults_of(found)
     if others := found.calibrations - {skin.checksum}:
         named = listed(sorted(f"{checksum[:12]}..." for checksum in others))
         notes.append(

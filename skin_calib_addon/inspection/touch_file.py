@@ -2,19 +2,21 @@
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..calibration.model import LinkCalibration
 from ..common.arrays import Array
-from ..common.errors import CalibrationFormatError, listed
+from ..common.errors import CalibrationFormatError, counted, listed
 from ..common.findings import show
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..messages.mcap_file import PROBES, RecordedReadings
 from ..validation import Touches, read_touches
 from ..validation.presses import Recorded
 from ..validation.touches import MAX_NUMBERS, touches_of
+from .recording import faults_of
 from .tool_contacts import tool_contacts
 
 # [s] between a reading and the nearest wrench or point, above which the reading is left out. Larger: readings in gaps
@@ -74,7 +76,11 @@ def read_touch_file(
     recorded = Recorded(
         rows + 1, strongest, at.get("point"), at.get("wrench"), readings, times[rows] - times[rows[0]], None
     )
-    return touches_of(recorded, ids, calibration, path)
+    notes = faults_of(found)
+    if left := len(times) - len(rows):
+        of = " and ".join(probes)
+        notes.append(f"{counted(left, 'reading')} of {len(times)} without a {of} within {MAX_GAP:g} s, left out")
+    return replace(touches_of(recorded, ids, calibration, path), notes=tuple(notes))
 
 
 def _gaps(times: Array, stamps: Array) -> Array:

@@ -19,6 +19,9 @@ MIN_PRESS_FORCE = 0.03
 # [fraction of the largest force] Difference of the forces at rest that lasts as long as a press, and is one. Larger:
 # takes readings of a press for those at rest; smaller: refuses weak presses.
 MAX_REST_FORCE = 0.2
+# [fraction of the rows] whose largest differences show whether readings rise or fall with force. Larger: rows without
+# valid readings decide; smaller: misses rare presses.
+USUAL_ROWS = 0.99
 PLATEAU = 0.8  # [fraction of the largest force of a press] from which on rows count. Larger: fewer rows.
 # [m] Successive rows of one taxel that are nearer than this to their mean are one press, if nothing else separates
 # presses. Larger: touches next to each other become one. Smaller: noise makes several of one.
@@ -64,14 +67,17 @@ def find_presses(recorded: Recorded, centres: dict[str, Array]) -> Presses:
 
 
 def _tared(recorded: Recorded, numbers: IntArray, at_rest: BoolArray) -> Presses:
-    """Subtract the medians at rest, if enough rows are. Readings that then differ most below zero fall with force."""
+    """Subtract the medians at rest, if enough rows are. Readings that are then mostly below zero fall with force."""
     if at_rest.sum() < MIN_REST_ROWS:
         return Presses(recorded, numbers)
     rest, wrenches = np.median(recorded.readings[at_rest], axis=0), recorded.wrenches
     readings = recorded.readings - rest
     if wrenches is not None:
         wrenches = wrenches - np.median(wrenches[at_rest], axis=0)
-    sign = -1 if readings.size and -readings.min() > readings.max() else 1
+    sign = 1
+    if readings.size:
+        rise, fall = (np.quantile(most, USUAL_ROWS) for most in (readings.max(axis=1), -readings.min(axis=1)))
+        sign = -1 if fall > rise else 1
     return Presses(replace(recorded, readings=sign * readings, wrenches=wrenches), numbers, rest, sign)
 
 

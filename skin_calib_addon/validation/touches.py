@@ -61,6 +61,7 @@ class Touches:
     recording: Presses | None = None  # the rows of the file
     sha256: str = ""  # of the file; empty: not from a file
     tool: ToolContacts | None = None  # from whose mesh the points are; None: they are in the file
+    notes: tuple[str, ...] = ()  # what a person should know of the file
 
     def __post_init__(self):
         n = len(self.taxels)

@@ -90,6 +90,7 @@ def compare_touches(link: bpy.types.Object, context: bpy.types.Context, path: st
     lines = [_named(p, line, many) for p in found for line in summarize(p)]
     if touches.unused:
         lines.append(f"Columns not used: {listed(touches.unused)}")
+    lines += [f"The recording: {note}" for note in touches.notes]
     directions, _ = directions_of(calibration, touches)
     if directions:
         lines.append(f"Forces: {directions.summary()}")

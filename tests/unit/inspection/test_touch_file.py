@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from skin_calib_addon.calibration import save_calibration
+from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import CalibrationFormatError
 from skin_calib_addon.inspection.touch_file import read_touch_file
 from skin_calib_addon.messages import encode, reading_message, schema_text
@@ -92,7 +94,21 @@ def test_readings_in_a_gap_have_no_wrench(tmp_path):
     times, wrenches, readings = session()
     probes = [(LINK, t, row) for t, row in zip(times, wrenches) if not 2.1 < t - START < 2.9]
     path = write(tmp_path / "t.mcap", zip(times, readings), probes)
-    assert read_touch_file(path, CALIBRATION, no_mesh).taxels == (SHEET.taxels.ids[0], SHEET.taxels.ids[2])
+    found = read_touch_file(path, CALIBRATION, no_mesh)
+    assert found.taxels == (SHEET.taxels.ids[0], SHEET.taxels.ids[2])
+    assert found.notes == (
+        f"{len(times) - found.rows} readings of {len(times)} without a wrench within 0.1 s, left out",
+    )
+
+
+def test_the_command_states_what_it_leaves_out(tmp_path, capsys):
+    """Readings without a wrench; readings that are missing in the file."""
+    times, wrenches, readings = session(count=6)
+    probes = [(LINK, t, row) for t, row in zip(times, wrenches) if t - START < 5]
+    path = write(tmp_path / "t.mcap", zip(times, readings), probes)
+    save_calibration(CALIBRATION, tmp_path / "c.json")
+    assert main(["touches", str(tmp_path / "c.json"), str(path)]) == 0
+    assert "readings of 720 without a wrench within 0.1 s, left out" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -124,3 +124,13 @@ def test_a_press_in_half_of_the_first_second_is_refused(tmp_path):
     rows = [(k / 100, IDS[0], *f, 0.01, 0, 0) for k, f in enumerate(noise - factor[:, None] * (0.0, 0.0, 1.0))]
     with pytest.raises(CalibrationFormatError, match="the skin is pressed in the first second"):
         read(tmp_path, ("time", "taxel", "fx", "fy", "fz", "tx", "ty", "tz"), rows)
+
+
+def test_lost_readings_do_not_turn_the_sign(tmp_path):
+    """A row of zeros is farther from the rest than any press; readings still rise with force."""
+    time, factor, number = session()
+    loads = 300 + np.eye(6)[np.maximum(number, 0)] * 100 * factor[:, None]
+    loads[170] = 0
+    rows = [(t, *load, 0.01 * k, 0, 0) for t, load, k in zip(time, loads, number)]
+    found = read(tmp_path, ("time", *IDS, "x", "y", "z"), rows)
+    assert found.recording.sign == 1 and found.taxels == IDS[:4]
