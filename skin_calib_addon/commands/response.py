@@ -81,7 +81,7 @@ def _of_session(options: argparse.Namespace, calibration: LinkCalibration) -> in
         fit = fit_gains(calibration, touches)
     except UnderdeterminedFit as problem:
         raise UnderdeterminedFit(f"'{options.measurements}': {problem}") from problem
-    result = with_responses(calibration, {name: one for name, one in fit.responses.items()})
+    result = with_responses(calibration, {name: fit.responses[name] for name in touches.felt})
     if options.picture:
         from ..pictures.response import draw_gains  # matplotlib is optional
 

@@ -148,7 +148,7 @@ def directions_of(calibration: LinkCalibration, touches: Touches) -> tuple[Direc
         outward = (forces * normals).sum(axis=1)
         strong = np.linalg.norm(forces, axis=1)
     across = np.einsum("mkc,mc->mk", axes, forces)
-    tilts = np.arctan2(-across * np.sign(outward)[:, None], np.abs(outward)[:, None])
+    tilts = np.arctan2(-across * np.where(outward < 0, -1, 1)[:, None], np.abs(outward)[:, None])
     found = Directions(touches.lines, strong, tilts, outward > 0, touches.force_noise, offset, covariance, is_of_sensor)
     return found, touches
 

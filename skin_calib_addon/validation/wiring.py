@@ -68,6 +68,8 @@ def judge(patch: Patch, rows: IntArray, points: Array, directions: Array, planne
     some = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MAX_JUDGED)).astype(int))
     rows, points, directions = rows[some], points[some], directions[some]
     found = _distinct(patch, rows)
+    if not len(rows):  # all lines of action are along the skin
+        return Wiring(found[0], np.inf, (), 0.0)
     prior = np.array([-order.prior_odds for order in found])
     seen = _Seen.of(patch, points, directions)
     scores = prior + seen.coarse(np.array([order.rows for order in found]), planned)

@@ -92,3 +92,17 @@ def test_few_forces_say_nothing():
     assert directions_of(CALIBRATION, presses(0, count=7))[0] is None
     points = Touches(("s0.0",) * 9, np.arange(9), np.zeros((9, 3)), np.zeros((9, 3)))
     assert directions_of(CALIBRATION, points) == (None, points)
+
+
+def test_forces_along_the_skin_are_ninety_degrees_off():
+    """None has a point on the skin: no order of the channels is judged, and nothing moves."""
+    ids, places = SHEET.taxels.ids[:12], SHEET.taxels.positions_link[:12]
+    forces = np.tile((0.0, 0.0, -5.0), (12, 1))
+    wrenches = np.column_stack((forces, np.cross(places, forces)))
+    touches = Touches(ids, np.arange(12) + 2, *lines_of_action(wrenches), wrenches=wrenches)
+    found, _ = directions_of(CALIBRATION, touches)
+    assert_allclose(found.angles, np.pi / 2)
+    assert "oblique-touches" in codes(touches)
+    (placement,) = placements(CALIBRATION, touches)
+    assert not placement.wiring.order.words and placement.motion is None
+    assert {one.code for one in placement.warnings()} == {"grazing-touch"}
