@@ -64,7 +64,8 @@ class RerunView:
         log("link/cop", rr.Points3D(scene.cop, radii=4 * radius, colors=COP_COLOUR))
         for name, line in scene.polygons.items():
             log(f"link/{name}", rr.LineStrips3D([line], radii=radius, colors=POLYGON_COLOURS[name]))
-        log("force", rr.Scalars(sum(contact.force for contact in frame.contacts)))
+        unknown = float("nan")  # a gap of the line
+        log("force", rr.Scalars(unknown if frame.problem else sum(contact.force for contact in frame.contacts)))
         if frame.flags != self._flags or frame.problem:
             log("flags", rr.TextLog(frame.problem or ", ".join(sorted(frame.flags)) or "no flag", level="WARN"))
         self._flags, self._count = frame.flags, self._count + 1

@@ -63,6 +63,18 @@ def test_rerun_accepts_the_file(recorded, tmp_path, capsys):
     assert rows == {"/link/touched": 20, "/link/contacts": 20, "/link/cop": 20, "/force": 21}  # 1: how it is drawn
 
 
+def test_force_that_is_not_known_is_a_gap(recorded, tmp_path):
+    """A lost reading in a press: 0 N would be a press that ended."""
+    pytest.importorskip("rerun", reason=WHY)
+    stored = dict(np.load(recorded[1]))
+    stored["readings"][15] = np.nan
+    np.savez(recorded[1], **stored)
+    out = tmp_path / "o.rrd"
+    assert main(["replay", *recorded, "--on", "1", "--to", "rerun", "-o", str(out)]) == 0
+    forces = re.findall(r"\[(-?[\d.]+|NaN)\]", rerun("rrd", "print", "-vvv", "--entity", "/force", out))
+    assert forces == 10 * ["0.0"] + 5 * ["15.0"] + ["NaN"] + 4 * ["15.0"]
+
+
 def test_calls_that_cannot_work_write_nothing(recorded, tmp_path, monkeypatch, capsys):
     """Without -o, and without the package."""
     with pytest.raises(SystemExit) as caught:
