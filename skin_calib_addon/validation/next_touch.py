@@ -7,7 +7,8 @@ import numpy as np
 from ..common.arrays import Array, BoolArray, IntArray
 from ..robot.kinematics import carried
 from ..robot.urdf import Robot
-from .self_touch import Model, SelfTouch
+from .self_touch import SelfTouch
+from .self_touch_model import Model
 from .self_touch_session import Felt, Session, Tip
 
 CANDIDATES = 600  # postures that are tried. Larger: better touches, more time.
