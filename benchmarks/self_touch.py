@@ -37,7 +37,7 @@ from skin_calib_addon.pipeline.calibrate import surface_of  # noqa: E402
 from skin_calib_addon.pipeline.self_touch import moved_skins  # noqa: E402
 from skin_calib_addon.robot.urdf import Robot, read_robot  # noqa: E402
 from skin_calib_addon.validation.flat import flat_places  # noqa: E402
-from skin_calib_addon.validation.next_touch import next_touches  # noqa: E402
+from skin_calib_addon.validation.next_self_touch import next_touches  # noqa: E402
 from skin_calib_addon.validation.self_touch import SelfTouch, fit_self_touch  # noqa: E402
 from skin_calib_addon.validation.self_touch_session import read_session  # noqa: E402
 

@@ -27,7 +27,7 @@ from ..common.file_hash import file_hash
 from ..pipeline.self_touch import moved_skins
 from ..pipeline.sources import relative_path
 from ..robot.urdf import Joint, read_robot
-from ..validation.next_touch import next_touches
+from ..validation.next_self_touch import next_touches
 from ..validation.self_touch import SelfTouch, fit_self_touch
 from ..validation.self_touch_session import read_session
 from .common import DONE, FIT_WITH_URDF, complain, say, say_unused, warn

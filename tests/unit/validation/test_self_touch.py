@@ -18,7 +18,7 @@ from skin_calib_addon.robot.kinematics import link_poses
 from skin_calib_addon.robot.urdf import read_robot
 from skin_calib_addon.skin.uncertainty import MIN_ORIGIN_UNCERTAINTY
 from skin_calib_addon.validation.flat import flat_places
-from skin_calib_addon.validation.next_touch import next_touches
+from skin_calib_addon.validation.next_self_touch import next_touches
 from skin_calib_addon.validation.self_touch import fit_self_touch
 from skin_calib_addon.validation.self_touch_session import read_session
 from tests.samples import RADIUS, cylinder, sheet, small_calibration

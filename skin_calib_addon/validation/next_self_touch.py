@@ -27,7 +27,7 @@ USUAL_RANGE = np.pi  # [rad, m] either side of zero, of a joint without limits
 
 
 @dataclass(frozen=True)
-class NextTouch:
+class NextSelfTouch:
     """A touch that the robot can make."""
 
     tip: Tip
@@ -37,7 +37,7 @@ class NextTouch:
     information: float  # logarithm of the factor by which it reduces the volume of the uncertainty [1]
 
 
-def next_touches(found: SelfTouch, count: int = 1, seed: int = 0) -> tuple[NextTouch, ...]:
+def next_touches(found: SelfTouch, count: int = 1, seed: int = 0) -> tuple[NextSelfTouch, ...]:
     """Return the touches that reduce the uncertainty of all unknowns most, one after the other (D-optimal, greedy).
 
     They are random postures within the limits of the joints from which the tip was moved to a taxel, with the offsets
@@ -54,7 +54,7 @@ def next_touches(found: SelfTouch, count: int = 1, seed: int = 0) -> tuple[NextT
 
     Returns
     -------
-    tuple of NextTouch
+    tuple of NextSelfTouch
         Empty if no posture was found.
     """
     model = found.model
@@ -66,7 +66,7 @@ def next_touches(found: SelfTouch, count: int = 1, seed: int = 0) -> tuple[NextT
     _, slopes = model.linearized(found.values, positions)
     usual = np.median(found.model.sigmas * found.scales[found.model.classes], axis=0)
     slopes = slopes / usual[:, None]
-    covariance, chosen = found.covariance, list[NextTouch]()
+    covariance, chosen = found.covariance, list[NextSelfTouch]()
     for _ in range(count):
         spread = np.eye(3) + slopes @ covariance @ np.swapaxes(slopes, 1, 2)
         gains = np.where(is_possible, np.linalg.slogdet(spread)[1] / 2, -np.inf)
@@ -77,7 +77,7 @@ def next_touches(found: SelfTouch, count: int = 1, seed: int = 0) -> tuple[NextT
         assert isinstance(tip, Tip)
         link, patch = session.patches[felt.patch]
         at = {name: float(values[best]) for name, values in positions.items()}
-        chosen.append(NextTouch(tip, link, patch.taxels.ids[felt.rows[0]], at, float(gains[best])))
+        chosen.append(NextSelfTouch(tip, link, patch.taxels.ids[felt.rows[0]], at, float(gains[best])))
         gain = covariance @ slopes[best].T
         covariance = covariance - gain @ np.linalg.solve(spread[best], gain.T)
         is_possible[best] = False
