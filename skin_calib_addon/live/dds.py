@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any
 
 from ..common.errors import SkinCalibError
+from ..common.packages import optional_package
 from ..messages.definitions import PACKAGE, PRIMITIVES, fields_of
 from ..messages.mcap_file import TOPICS, TRANSIENT_LOCAL, topic_of
 from .outputs import Output
@@ -23,17 +24,13 @@ BLOCKING_MS = 2  # [ms] for which a slow reader may delay a frame; then this fra
 
 def _library() -> Any:
     """Return the package for DDS."""
-    try:
+    with optional_package("DDS needs the package cyclonedds", "live"):
         import cyclonedds.domain
         import cyclonedds.idl
         import cyclonedds.pub
         import cyclonedds.qos
         import cyclonedds.topic
         import cyclonedds.util
-    except ImportError as error:
-        raise SkinCalibError(
-            "DDS needs the package cyclonedds, which is not installed here: pip install 'skin-calib[live]'"
-        ) from error
     return cyclonedds
 
 

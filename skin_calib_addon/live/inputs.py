@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..common.errors import SkinCalibError
+from ..common.packages import optional_package
 from ..inspection.recording import read_modalities, read_recording
 from ..messages.packet import Reading
 from ..runtime import Skin
@@ -75,12 +76,8 @@ class SerialInput(Input):
     """Read a serial line."""
 
     def __init__(self, device: str, baud: int, decoder: Decode):
-        try:
+        with optional_package("serial lines need the package pyserial", "live"):
             import serial
-        except ImportError as error:
-            raise SkinCalibError(
-                "serial lines need the package pyserial, which is not installed here: pip install 'skin-calib[live]'"
-            ) from error
         self._problem: type[Exception] = serial.SerialException
         try:
             self._port: Any = serial.Serial(device, baud, timeout=WAIT)

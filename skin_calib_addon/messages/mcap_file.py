@@ -13,8 +13,9 @@ from ..calibration.file import to_document
 from ..calibration.model import LinkCalibration
 from ..common.arrays import Array
 from ..common.encoding import encode as encode_json
-from ..common.errors import CalibrationFormatError, SkinCalibError, listed
+from ..common.errors import CalibrationFormatError, listed
 from ..common.findings import show
+from ..common.packages import optional_package
 from ..common.strict_json import size_of
 from ..runtime import Frame, Skin
 from ..runtime.modalities import FORCE
@@ -55,13 +56,9 @@ PROBES = {"geometry_msgs/msg/WrenchStamped": ("wrench", 6), "geometry_msgs/msg/P
 
 def _library() -> Any:
     """Return the package that reads and writes MCAP."""
-    try:
+    with optional_package("MCAP files need the package mcap", "live"):
         import mcap.stream_reader
         import mcap.writer
-    except ImportError as error:
-        raise SkinCalibError(
-            "MCAP files need the package mcap, which is not installed here: pip install 'skin-calib[live]'"
-        ) from error
     return mcap
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..calibration.model import LinkCalibration
 from ..common.arrays import Array, IntArray, unit
-from ..common.errors import SkinCalibError
+from ..common.packages import optional_package
 from ..runtime import Frame, Skin
 from .scene import CELL_COLOUR, CONTACT_COLOUR, COP_COLOUR, POLYGON_COLOURS, SceneMaker
 
@@ -32,12 +32,8 @@ class RerunView:
 
         ``mesh`` has vertices (n, 3) [m] and faces (m, 3) of the link.
         """
-        try:
+        with optional_package("a view of Rerun needs rerun-sdk", "view"):
             import rerun as rr
-        except ImportError as error:
-            raise SkinCalibError(
-                "a view of Rerun needs rerun-sdk, which is not installed here: pip install 'skin-calib[view]'"
-            ) from error
         self._rr, self._maker = rr, SceneMaker(calibration, skin, tuple(frames))
         self._flags: frozenset[str] = frozenset()
         self._count = 0

@@ -12,6 +12,7 @@ from ..calibration.model import LinkCalibration, TaxelArray
 from ..common.arrays import Array, unit
 from ..common.atomic_file import write_bytes_safely
 from ..common.errors import SkinCalibError
+from ..common.packages import optional_package
 from ..geometry.mesh.distance import closest
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.sampling.planes import perpendicular
@@ -108,13 +109,9 @@ def _quad_normals(quads: Array) -> Array:
 
 def blank(width: float, height: float) -> Any:
     """Return an empty figure without a window."""
-    try:
+    with optional_package("a picture needs matplotlib", "picture"):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
-    except ImportError as error:
-        raise SkinCalibError(
-            "a picture needs matplotlib, which is not installed here: pip install 'skin-calib[picture]'"
-        ) from error
     figure = Figure(figsize=(width, height), dpi=110, facecolor="white")
     FigureCanvasAgg(figure)
     return figure

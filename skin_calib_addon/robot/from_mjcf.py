@@ -10,7 +10,8 @@ import numpy as np
 from ..calibration.exchange.xml_text import HEAD, numbers, quoted, rpy
 from ..common.arrays import Array, IntArray
 from ..common.atomic_file import make_folder, write_bytes_safely
-from ..common.errors import InvalidMesh, SkinCalibError
+from ..common.errors import InvalidMesh
+from ..common.packages import optional_package
 from ..common.text import read_text
 from ..geometry.mesh.triangle_mesh import TriangleMesh, save_mesh, simple_shape, stacked
 
@@ -33,13 +34,8 @@ def as_urdf(file: Path, folder: Path) -> Path:
         return file
     if not MJCF_ROOT.search(read_text(file)):
         raise InvalidMesh(f"{file.name} has no <mujoco>. Name a URDF, an MJCF file or a mesh.")
-    try:
+    with optional_package(f"{file.name} is an MJCF file. Reading it needs MuJoCo", "robots"):
         import mujoco
-    except ImportError as error:
-        raise SkinCalibError(
-            f"{file.name} is an MJCF file. Reading it needs MuJoCo, which is not installed here: "
-            "pip install 'skin-calib[robots]'"
-        ) from error
     try:
         model = mujoco.MjModel.from_xml_path(str(file))
     except (ValueError, mujoco.FatalError) as error:

@@ -14,6 +14,7 @@ from ..calibration.exchange.mjcf import write_mjcf
 from ..calibration.model import LinkCalibration
 from ..common.errors import InvalidMesh, SkinCalibError
 from ..common.findings import show
+from ..common.packages import optional_package
 from ..common.text import NumberError, read_text, real
 from ..geometry.mesh.triangle_mesh import MAX_MESH_SIZE, TriangleMesh, read_mesh
 from .link_mesh import check_triple, find_file, scaled
@@ -77,12 +78,8 @@ def robot_mjcf(
     switched off: its cells collide instead. Bodies that overlap in the zero pose do not collide with each other.
     Actuators are motors with the names and the effort of the joints. Without ``tactile``, Newton accepts the model.
     """
-    try:
+    with optional_package("a model of the robot needs MuJoCo", "robots"):
         import mujoco
-    except ImportError as error:
-        raise SkinCalibError(
-            "a model of the robot needs MuJoCo, which is not installed here: pip install 'skin-calib[robots]'"
-        ) from error
     description, meshes, sources, problems, impossible = _with_own_meshes(robot, urdf, calibrations, mujoco)
     skins = {
         link: write_mjcf(calibration, tactile).decode()
