@@ -11,7 +11,7 @@ import numpy as np
 
 from ..calibration.model import LinkCalibration
 from ..common.arrays import Array, BoolArray, IntArray
-from ..common.errors import MAX_NAMED
+from ..common.errors import listed
 from ..common.warnings import Warning
 from .touches import Touches, lines_of_action
 
@@ -109,8 +109,7 @@ class Directions:
             yield Warning("oblique-touches", "warning", message, value=lean, advice=advice)
         few = np.flatnonzero(self.is_pull if self.is_pull.mean() <= 0.5 else ~self.is_pull)
         if len(few):
-            which = ", ".join(f"line {line}" for line in self.lines[few[:MAX_NAMED]].tolist())
-            which += f" and {len(few) - MAX_NAMED} more" if len(few) > MAX_NAMED else ""
+            which = listed([f"line {line}" for line in self.lines[few].tolist()])
             message = f"{len(few)} of {len(self.forces)} forces have the opposite sign: {which}."
             advice = "Press only, or correct their signs."
             yield Warning("force-sign", "warning", message, value=float(len(few)), advice=advice)
@@ -127,7 +126,7 @@ def directions_of(calibration: LinkCalibration, touches: Touches) -> tuple[Direc
     """
     if len(touches.wrenches) < MIN_FORCES:
         return None, touches
-    axes, normals = _frames(calibration, touches)
+    axes, normals = (calibration.of_taxels(touches.taxels, name) for name in ("axes_link", "normals_link"))
     forces, moments = touches.wrenches[:, :3], touches.wrenches[:, 3:]
     outward = (forces * normals).sum(axis=1)
     strong = np.linalg.norm(forces, axis=1)
@@ -151,16 +150,6 @@ def directions_of(calibration: LinkCalibration, touches: Touches) -> tuple[Direc
     tilts = np.arctan2(-across * np.where(outward < 0, -1, 1)[:, None], np.abs(outward)[:, None])
     found = Directions(touches.lines, strong, tilts, outward > 0, touches.force_noise, offset, covariance, is_of_sensor)
     return found, touches
-
-
-def _frames(calibration: LinkCalibration, touches: Touches) -> tuple[Array, Array]:
-    """Return axes (m, 2, 3) and normals (m, 3) of the taxels that felt the touches."""
-    axes: dict[str, Array] = {}
-    normals: dict[str, Array] = {}
-    for patch in calibration.patches:
-        axes |= dict(zip(patch.taxels.ids, patch.taxels.axes_link))
-        normals |= dict(zip(patch.taxels.ids, patch.taxels.normals_link))
-    return np.array([axes[name] for name in touches.taxels]), np.array([normals[name] for name in touches.taxels])
 
 
 def _offset(axes: Array, forces: Array, moments: Array) -> tuple[Array, Array, bool]:

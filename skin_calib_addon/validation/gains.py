@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import nnls
 
 from ..calibration.model import LinkCalibration
 from ..calibration.response import ResponseTable
@@ -172,8 +173,7 @@ def _table(knots: Array, heights: Array, sign: int, rest: float) -> ResponseTabl
 
 def _inward(calibration: LinkCalibration, touches: Touches) -> tuple[Array, Array]:
     """Return the directions of forces (m, 3), along the mean normals, and cosines (m, k) of these with the taxels'."""
-    of = {name: row for p in calibration.patches for name, row in zip(p.taxels.ids, p.taxels.normals_link)}
-    normals = np.array([of[name] for name in touches.felt])
+    normals = calibration.of_taxels(touches.felt, "normals_link")
     mean = unit(np.maximum(touches.readings, 0.0) @ normals)
     is_reaction = np.median((touches.wrenches[:, :3] * mean).sum(axis=1)) > 0
     return (mean if is_reaction else -mean), mean @ normals.T
@@ -236,10 +236,9 @@ class _Loads:
         ramps = self.cosines[..., None] * _ramps(self.readings, knots)  # (m, k, n)
         gains, spread, weights = np.ones(self.readings.shape[1]), 0.0, np.ones(len(self.forces))
         scale = np.maximum(self.forces, MIN_RELATIVE * np.median(self.forces))
-        slopes = np.full(len(knots) - 1, self.forces.sum() / ramps.sum())
         for _ in range(ROUNDS):
             root = np.sqrt(weights) / scale
-            slopes = _nonnegative(root[:, None] * np.einsum("mkn,k->mn", ramps, gains), root * self.forces, slopes)
+            slopes, _ = nnls(root[:, None] * np.einsum("mkn,k->mn", ramps, gains), root * self.forces)
             loads = ramps @ slopes
             gains, spread = _gains(root[:, None] * loads, root * (self.forces - loads.sum(axis=1)))
             residuals = (self.forces - loads @ gains) / scale
@@ -248,18 +247,6 @@ class _Loads:
             if np.abs(weights - before).max() < TOLERANCE:
                 break
         return _Curve(slopes, gains, spread)
-
-
-def _nonnegative(rows: Array, values: Array, start: Array) -> Array:
-    """Return the least-squares solution without negative numbers, by coordinate descent."""
-    square, right, out = rows.T @ rows, rows.T @ values, start.copy()
-    for _ in range(500):
-        before = out.copy()
-        for k in np.flatnonzero(np.diag(square) > 0).tolist():
-            out[k] = max(0.0, out[k] + (right[k] - square[k] @ out) / square[k, k])
-        if np.abs(out - before).max() <= 1e-6 * out.max():
-            break
-    return out
 
 
 def _gains(loads: Array, residuals: Array) -> tuple[Array, float]:

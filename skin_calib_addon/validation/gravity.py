@@ -94,9 +94,10 @@ def read_orientations(path: str | os.PathLike[str], calibration: LinkCalibration
             of.setdefault(owner.taxel(row, line), []).append((line, numbers))
     if not of:
         raise CalibrationFormatError(f"'{path}' has no row below its header")
-    axes = _axes(calibration)
+    axes, normals = (calibration.of_taxels(of, name) for name in ("axes_link", "normals_link"))
+    frames = np.concatenate((axes, normals[:, None]), axis=1).swapaxes(1, 2)  # as columns
     with naming_file(path):
-        fits = [_fit(name, axes[name], rows) for name, rows in of.items()]
+        fits = [_fit(name, frame, rows) for (name, rows), frame in zip(of.items(), frames)]
     noise = np.sqrt(sum(f.squares for f in fits) / sum(3 * f.postures - 6 for f in fits))
     return tuple(
         Orientation(
@@ -120,16 +121,6 @@ def rotated(found: Sequence[Orientation]) -> Iterator[Warning]:
         advice = "Check the sides of the boards, the order of the channels, and the axes of the accelerometers."
         where = Place(taxels=tuple(one.taxel for one in wrong))
         yield Warning("wrong-orientation", "warning", message, where, float(len(wrong)), advice)
-
-
-def _axes(calibration: LinkCalibration) -> dict[str, Array]:
-    """Return tangent, direction across and normal of each taxel as the columns of a matrix."""
-    out: dict[str, Array] = {}
-    for patch in calibration.patches:
-        taxels = patch.taxels
-        frames = np.stack((*np.moveaxis(taxels.axes_link, 1, 0), taxels.normals_link), axis=2)
-        out |= dict(zip(taxels.ids, frames))
-    return out
 
 
 def _angles(rotation: Array) -> tuple[bool, float, Array]:

@@ -76,6 +76,11 @@ class Placement:
         return self.offsets[~np.isnan(self.offsets[:, 2]), 2]
 
     @property
+    def _uncommon_heights(self) -> Array:
+        """Heights of all touches (m,) relative to their median; NaN where they are not known [m]."""
+        return self.offsets[:, 2] - (np.median(self.heights) if len(self.heights) else 0.0)
+
+    @property
     def expected_rms(self) -> float:
         """Root mean square of the distances that follows from the size A of the cells alone: sqrt(A / 6) [m].
 
@@ -100,9 +105,8 @@ class Placement:
     @cached_property
     def _is_there(self) -> BoolArray:
         """Whether height and direction of each touch (m,) allow that its taxel felt it."""
-        height = self.offsets[:, 2] - (np.median(self.heights) if len(self.heights) else 0.0)
         side = np.sign((self.directions * self.patch.taxels.normals_link[self.rows]).sum(axis=1))
-        return ~(np.abs(height) > max(self.patch.pitch)) & (side * np.sign(side.sum()) >= 0)
+        return ~(np.abs(self._uncommon_heights) > max(self.patch.pitch)) & (side * np.sign(side.sum()) >= 0)
 
     @cached_property
     def posterior(self) -> Posterior | None:
@@ -209,8 +213,7 @@ class Placement:
     @cached_property
     def _far(self) -> Array:
         """Distance (m,) of each touch that neither the motion nor a common height explains [m]."""
-        height = self.offsets[:, 2] - (np.median(self.heights) if len(self.heights) else 0.0)
-        return np.hypot(self.residuals, np.nan_to_num(height))
+        return np.hypot(self.residuals, np.nan_to_num(self._uncommon_heights))
 
     @cached_property
     def wiring(self) -> Wiring:
@@ -256,45 +259,32 @@ def placements(
     """
     directions, touches = directions_of(calibration, touches)
     covariance = directions.offset_covariance if directions and directions.is_of_sensor else np.zeros((3, 3))
-    found = []
-    for patch in calibration.patches:
-        row_of = {name: row for row, name in enumerate(patch.taxels.ids)}
-        mine = [i for i, name in enumerate(touches.taxels) if name in row_of]
-        if not mine:
-            continue
-        rows = np.array([row_of[touches.taxels[i]] for i in mine])
-        column = {name: k for k, name in enumerate(touches.felt)}
-        has_readings = patch.taxels.ids[0] in column
-        readings = touches.readings[np.ix_(mine, [column[name] for name in patch.taxels.ids])] if has_readings else None
-        felt = np.empty((len(mine), 0)) if readings is None else readings
-        wrenches = touches.wrenches[mine] if len(touches.wrenches) else np.zeros((len(mine), 6))
-        parts = (touches.lines[mine], rows, touches.points[mine], touches.directions[mine], wrenches, felt)
-        found.append(_placement(patch, *parts, planned.get(patch.name, np.zeros(3)), covariance))
-    return found
+    found = (
+        _placement(patch, touches, planned.get(patch.name, np.zeros(3)), covariance) for patch in calibration.patches
+    )
+    return [placement for placement in found if placement is not None]
 
 
-def _placement(
-    patch: Patch,
-    lines: IntArray,
-    rows: IntArray,
-    points: Array,
-    directions: Array,
-    wrenches: Array,
-    readings: Array,
-    planned: Array,
-    offset_covariance: Array,
-) -> Placement:
-    """Compare touches (m, 3) of a patch with their taxels."""
+def _placement(patch: Patch, touches: Touches, planned: Array, offset_covariance: Array) -> Placement | None:
+    """Compare the touches of a patch with their taxels; None without any."""
+    row_of = {name: row for row, name in enumerate(patch.taxels.ids)}
+    mine = [i for i, name in enumerate(touches.taxels) if name in row_of]
+    if not mine:
+        return None
+    rows = np.array([row_of[touches.taxels[i]] for i in mine])
+    points, directions, lines = touches.points[mine], touches.directions[mine], touches.lines[mine]
     offsets, known = seen_from(patch, rows, points, directions)
     places = patch.taxels.positions_link[rows] + np.einsum("mk,mkc->mc", offsets[:, :2], patch.taxels.axes_link[rows])
     places += np.nan_to_num(offsets[:, 2:]) * patch.taxels.normals_link[rows]
     slopes = np.zeros((len(rows), 2, 3))
     if offset_covariance.any():
+        is_line = directions.any(axis=1)[:, None]
         for k, step in enumerate(OFFSET_STEP * np.eye(6)[:3]):
-            other, along = lines_of_action(wrenches - step)
-            is_line = directions.any(axis=1)[:, None]
+            other, along = lines_of_action(touches.wrenches[mine] - step)
             moved, _ = seen_from(patch, rows, np.where(is_line, other, points), np.where(is_line, along, 0.0))
             slopes[:, :, k] = (moved - offsets)[:, :2] / OFFSET_STEP
+    column = {name: k for k, name in enumerate(touches.felt)}
+    columns = [column[name] for name in patch.taxels.ids] if patch.taxels.ids[0] in column else []
     return Placement(
         patch=patch,
         lines=lines[known],
@@ -303,7 +293,7 @@ def _placement(
         offsets=offsets[known],
         directions=directions[known],
         grazing=lines[~known],
-        readings=readings[known],
+        readings=touches.readings[np.ix_(mine, columns)][known] if columns else np.empty((int(known.sum()), 0)),
         planned=planned,
         slopes=slopes[known],
         offset_covariance=offset_covariance,

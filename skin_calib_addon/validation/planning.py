@@ -18,7 +18,7 @@ import numpy as np
 from ..common.arrays import Array
 from .flat import flat_places
 from .placement import Placement
-from .registration import CENTROID_NOISES, USUAL_SHIFT, USUAL_TURN
+from .registration import CENTROID_NOISES, USUAL_SHIFT, USUAL_TURN, moves_of
 
 # [1] directions in which the outermost taxels are those with the largest standard errors. More: more exact.
 DIRECTIONS = 32
@@ -50,14 +50,6 @@ def next_touch(placement: Placement) -> NextTouch | None:
     errors = [_largest(_with_touch(covariance, moves[row], variance), outer) for row in rows]
     best = int(np.argmin(errors))
     return NextTouch(int(rows[best]), _largest(covariance, outer), errors[best])
-
-
-def moves_of(flat: Array) -> Array:
-    """Return the displacements (n, 2, 3) of flat positions (n, 2) by each part of a motion about the origin."""
-    moves = np.zeros((len(flat), 2, 3))
-    moves[:, 0, 0] = moves[:, 1, 1] = 1.0
-    moves[:, :, 2] = np.column_stack((-flat[:, 1], flat[:, 0]))
-    return moves
 
 
 def _covariance(placement: Placement, moves: Array, variance: float) -> Array:

@@ -240,10 +240,14 @@ def novelty(offsets: Array, cell_size: float) -> Array:
     return np.minimum(1.0, usual / counts)
 
 
+def moves_of(arms: Array) -> Array:
+    """Return the displacements (n, 2, 3) of flat positions (n, 2) by each part of a motion about the origin."""
+    return np.concatenate((np.broadcast_to(np.eye(2), (len(arms), 2, 2)), _across(arms)[..., None]), axis=2)
+
+
 def rigid_motion(arms: Array, offsets: Array) -> Array:
     """Return the motion (3,) about the origin, or (3, k), that fits offsets (m, 2) or (m, 2, k) of points best."""
-    shifts = np.broadcast_to(np.eye(2), (len(arms), 2, 2))
-    design = np.concatenate((shifts, _across(arms)[..., None]), axis=2).reshape(-1, 3)
+    design = moves_of(arms).reshape(-1, 3)
     return np.asarray(np.linalg.lstsq(design, offsets.reshape(len(design), *offsets.shape[2:]), rcond=1e-9)[0])
 
 
@@ -260,7 +264,7 @@ def posterior(evidence: Evidence) -> Posterior:
     """Integrate over all motions on grids that become finer round the probable ones."""
     lattice = np.stack(np.meshgrid(*[np.linspace(-1, 1, SIDE)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     middle = evidence.arms.mean(axis=0)
-    local = replace(evidence, arms=evidence.arms - middle, planned=_about(evidence.planned, middle))
+    local = replace(evidence, arms=evidence.arms - middle, planned=_moving(middle) @ evidence.planned)
     mean, axes = local.planned, np.diag((MAX_SHIFT, MAX_SHIFT, MAX_TURN))
     arm = np.append(1.0, np.sqrt((local.arms**2).sum(axis=1).mean()))
     width, is_last = np.inf, False
@@ -307,11 +311,6 @@ def motion_of(found: Posterior, touched: Array) -> Motion:
     to = _moving(middle)
     mean = to @ found.mean
     return Motion(middle, mean[:2], float(mean[2]), to @ found.covariance @ to.T)
-
-
-def _about(motion: Array, middle: Array) -> Array:
-    """Return a motion (3,) about the origin as one about another point (2,)."""
-    return np.asarray(_moving(middle) @ motion)
 
 
 def _moving(middle: Array) -> Array:

@@ -3,7 +3,8 @@
 import os
 import re
 from array import array
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -117,7 +118,9 @@ def touches_of(
 ) -> Touches:
     """Return the touches in the rows of a file; ``felt`` has the ids of taxels with readings, ``columns`` a table."""
     with naming_file(path):
-        presses = find_presses(recorded, _centres(calibration))
+        taxels = [patch.taxels for patch in calibration.patches]
+        centres = {name: at for part in taxels for name, at in zip(part.ids, part.positions_link)}
+        presses = find_presses(recorded, centres)
     if (count := len(np.unique(presses.numbers[presses.numbers >= 0]))) > MAX_TOUCHES:
         raise CalibrationFormatError(
             f"'{path}' has {count} touches, more than {MAX_TOUCHES}. Split the file. If these are the rows of fewer "
@@ -249,12 +252,6 @@ def _columns(of: dict[str, Array], names: Sequence[str]) -> Array | None:
     return np.stack([of[name] for name in names], axis=1) if names[0] in of else None
 
 
-def _centres(calibration: LinkCalibration) -> dict[str, Array]:
-    """Return the position of each taxel by its id."""
-    parts = (zip(patch.taxels.ids, patch.taxels.positions_link) for patch in calibration.patches)
-    return {name: position for part in parts for name, position in part}
-
-
 def _touches(
     presses: Presses, felt: tuple[str, ...], columns: _Columns | None, find_contacts: FindContacts | None
 ) -> Touches:
@@ -268,7 +265,7 @@ def _touches(
     if columns is None or columns.owner is None:
         taxels = tuple(felt[k] for k in readings.argmax(axis=1))
     else:
-        taxels = tuple(_most_frequent(recorded.taxels[rows].tolist()) for rows in groups)
+        taxels = tuple(Counter(recorded.taxels[rows].tolist()).most_common(1)[0][0] for rows in groups)
     lines = recorded.lines[[rows[0] for rows in groups]]
     wrenches = np.empty((0, 6)) if recorded.wrenches is None else _medians(recorded.wrenches, groups)
     tool = None
@@ -314,10 +311,3 @@ def lines_of_action(wrenches: Array) -> tuple[Array, Array]:
 
 def _medians(values: Array, groups: Sequence[IntArray]) -> Array:
     return np.array([np.median(values[rows], axis=0) for rows in groups]).reshape(len(groups), values.shape[1])
-
-
-def _most_frequent(names: Iterable[str]) -> str:
-    counts: dict[str, int] = {}
-    for name in names:
-        counts[name] = counts.get(name, 0) + 1
-    return max(counts, key=lambda name: counts[name])

@@ -63,6 +63,7 @@ LIBRARIES = {
     "geometry": {"numpy", "scipy", "trimesh", "igl", "collada", "threadpoolctl"},
     "skin": {"numpy", "scipy"},
     "pipeline": {"numpy", "scipy", "trimesh"},
+    "validation": {"numpy", "scipy"},
     "robot": {"numpy", "mujoco"},
     "proposal": {"numpy", "scipy"},
     "inspection": {"numpy", "scipy"},

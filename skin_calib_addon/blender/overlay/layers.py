@@ -19,7 +19,7 @@ from ...inspection.comparison import Comparison
 from ...runtime import Frame
 from ...validation import Placement, next_touch
 from ...validation.flat import flat_places
-from ...validation.planning import moves_of
+from ...validation.registration import moves_of
 from .scales import Legend, largest_size
 
 # Segments of each curve of the drawn surface. Larger: smoother and slower.

@@ -5,7 +5,7 @@ import pytest
 
 from skin_calib_addon.validation import next_touch, placements, summarize
 from skin_calib_addon.validation.flat import flat_places
-from skin_calib_addon.validation.planning import moves_of
+from skin_calib_addon.validation.registration import moves_of
 from tests.samples import boards, sheet, small_calibration
 from tests.unit.validation.test_touches import CALIBRATION, SHEET, on_sheet, touched
 
