@@ -39,10 +39,10 @@ def complain(message: str) -> None:
     print("skin-calib:", printable(" ".join(message.splitlines())), file=sys.stderr)
 
 
-def warn(warnings: "Iterable[Warning]", which: str = "") -> None:
-    """Print each warning with its severity on one line of stderr."""
+def warn(warnings: "Iterable[Warning | str]", which: str = "") -> None:
+    """Print each warning with its severity on one line of stderr; a text is a warning."""
     for warning in warnings:
-        complain(f"{which}{warning.severity}: {warning}")
+        complain(f"{which}{'warning' if isinstance(warning, str) else warning.severity}: {warning}")
 
 
 def check_target(target: Path | None, *others: Path | None) -> None:

@@ -19,8 +19,8 @@ from ..inspection.replaying import since_start
 from ..messages.markers import McapView
 from ..runtime import Frame, Skin, load
 from ..runtime.modalities import FORCE
-from .common import DONE, check_outputs, complain, count, file_name, named_path, newtons, say
-from .tare import add_accept, rested
+from .common import DONE, check_outputs, complain, file_name, named_path, newtons, say, warn
+from .tare import add_rest, rested
 
 LONG_STEP = 1.0  # between frames, above which the time may be in other units, such as nanoseconds [s]
 
@@ -43,11 +43,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "calibration; or a file for the viewer of Rerun (default: jsonl)",
     )
     parser.add_argument("--picture", type=file_name, metavar="PNG", help="picture of contacts and polygons on the skin")
-    parser.add_argument(
-        "--tare", type=count, default=0, metavar="N", help="use the first N frames as readings at rest (default: 0)"
-    )
-    add_accept(parser)
-    parser.add_argument("--noise", type=named_path, metavar="NOISE", help="what skin-calib tare learned at rest")
+    add_rest(parser)
     parser.add_argument(
         "--on",
         type=newtons,
@@ -104,8 +100,7 @@ def run(options: argparse.Namespace) -> int:
         else:
             data = _as_rerun(options.file, skin, frames) if options.to == "rerun" else _as_lines(skin, frames)
         write_bytes_safely(options.output, data)
-    for note in recording.notes:
-        complain(f"warning: {note}")
+    warn(recording.notes)
     if recording.has_more:
         complain(
             f"warning: the recording has more numbers than the skin needs ({recording.columns}). "

@@ -21,7 +21,7 @@ from ..inspection.touch_file import read_touch_file
 from ..pipeline.sources import mesh_of
 from ..validation import directions_of
 from ..validation.gains import fit_gains
-from .common import DONE, check_outputs, complain, file_name, named_path, say, say_unused, warn
+from .common import DONE, check_outputs, file_name, named_path, say, say_unused, warn
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -89,8 +89,7 @@ def _of_session(options: argparse.Namespace, calibration: LinkCalibration) -> in
     save_calibration(result, options.output)
     warn((*(directions.warnings() if directions else ()), *fit.warnings(), *_not_measured(calibration, fit.responses)))
     say_unused(touches.unused)
-    for note in touches.notes:
-        complain(f"warning: {note}")
+    warn(touches.notes)
     low, high = fit.common.readings[0], fit.common.readings[-1]
     say(f"usual taxel      table of {len(fit.common.readings)} knots on readings {low:g} to {high:g}")
     say(f"gains            {fit.gains.min():.2f} to {fit.gains.max():.2f} of {len(fit.gains)} taxels")

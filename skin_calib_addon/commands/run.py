@@ -20,8 +20,8 @@ from ..live.loop import run as run_loop
 from ..live.outputs import McapOutput, Output, UdpOutput
 from ..messages.packet import Decoder, Reading
 from ..runtime import Skin, load
-from .common import DONE, check_target, complain, count, named_path, say
-from .tare import add_accept, rested
+from .common import DONE, check_target, complain, named_path, say, warn
+from .tare import add_rest, rested
 
 BAUD = 115_200  # Contract: of a serial line without a number
 LOCAL = "127.0.0.1"
@@ -54,11 +54,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="dds (topics of ROS 2, on this computer only unless CYCLONEDDS_URI is set), mcap:FILE (a new file), "
         "udp:PORT or udp:HOST:PORT (a SkinFrame in each datagram); can be given several times",
     )
-    parser.add_argument(
-        "--tare", type=count, default=0, metavar="N", help="use the first N readings as readings at rest (default: 0)"
-    )
-    add_accept(parser)
-    parser.add_argument("--noise", type=named_path, metavar="NOISE", help="what skin-calib tare learned at rest")
+    add_rest(parser)
     parser.add_argument(
         "--decoder",
         type=named_path,
@@ -115,8 +111,7 @@ def run(options: argparse.Namespace) -> int:
         for place in options.output:
             outputs.append(_output(place, calibration, skin))
             stack.callback(outputs[-1].close)
-        for note in given.notes:
-            complain(f"warning: {note}")
+        warn(given.notes)
         complain(f"{given.text} to {', '.join(output.text for output in outputs)}; {priority}")
         status = Status(decoder, outputs)
         run_loop(

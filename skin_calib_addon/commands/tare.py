@@ -10,7 +10,7 @@ from ..common.errors import CalibrationFormatError, InvalidReading, counted
 from ..inspection.recording import read_recording
 from ..runtime import Skin, load
 from ..runtime.noise import Noise
-from .common import DONE, check_outputs, complain, file_name, named_path, say, seconds
+from .common import DONE, check_outputs, complain, count, file_name, named_path, say, seconds, warn
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -26,6 +26,15 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="only the first ones are without contact; what is touched later is listed in its order (default: all are)",
     )
     add_accept(parser)
+
+
+def add_rest(parser: argparse.ArgumentParser) -> None:
+    """Define the options about the readings at rest, for commands with other readings, too."""
+    parser.add_argument(
+        "--tare", type=count, default=0, metavar="N", help="use the first N readings as readings at rest (default: 0)"
+    )
+    add_accept(parser)
+    parser.add_argument("--noise", type=named_path, metavar="NOISE", help="what skin-calib tare learned at rest")
 
 
 def add_accept(parser: argparse.ArgumentParser) -> None:
@@ -44,12 +53,11 @@ def run(options: argparse.Namespace) -> int:
     if not frames:
         raise CalibrationFormatError(f"'{options.readings}' contains no frame. Check that it is the correct file.")
     start = frames[0][0]
-    count = len(frames) if options.rest is None else sum(time - start < options.rest for time, _ in frames)
-    rest = rested(skin, [reading for _, reading in frames[:count]], options.readings, options.accept)
-    for note in recording.notes:
-        complain(f"warning: {note}")
+    at_rest = len(frames) if options.rest is None else sum(time - start < options.rest for time, _ in frames)
+    rest = rested(skin, [reading for _, reading in frames[:at_rest]], options.readings, options.accept)
+    warn(recording.notes)
     lines = [f"link             {skin.link}, {len(skin.ids)} taxels", f"columns          {recording.columns}"]
-    lines += [f"rest             {rest}", *_touches(skin, frames[count:])]
+    lines += [f"rest             {rest}", *_touches(skin, frames[at_rest:])]
     if skin.noise is None:
         complain("warning: these readings say nothing about the noise: record a second or more, 20 frames at least")
     if options.output:

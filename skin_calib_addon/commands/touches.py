@@ -18,7 +18,7 @@ from ..plan import FORMAT, load_plan, named_from, save_plan
 from ..robot.link_mesh import load_plan_mesh
 from ..validation import Placement, directions_of, placements, summarize
 from ..validation.gravity import ACCELERATION, read_orientations, rotated
-from .common import DONE, check_outputs, complain, file_name, named_path, not_empty, say, say_unused, warn
+from .common import DONE, check_outputs, file_name, named_path, not_empty, say, say_unused, warn
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -78,8 +78,7 @@ def run(options: argparse.Namespace) -> int:
     rows = f" in {touches.rows} rows" if touches.rows != len(touches.taxels) else ""
     say(f"touches          {len(touches.taxels)}{rows}, of {len(set(touches.taxels))} taxels")
     say_unused(touches.unused)
-    for note in touches.notes:
-        complain(f"warning: {note}")
+    warn(touches.notes)
     if directions:
         say(f"forces           {directions.summary()}")
     for name, line in touches.tool.summary() if touches.tool else ():
