@@ -14,7 +14,7 @@ from ..calibration.source_record import find_mesh
 from ..common.arrays import Array
 from ..common.atomic_file import write_bytes_safely
 from ..common.errors import CalibrationFormatError
-from ..inspection.recording import frame_document, read_modalities, read_recording
+from ..inspection.recording import frame_document, read_recording
 from ..inspection.replaying import since_start
 from ..messages.markers import McapView
 from ..runtime import Frame, Skin, load
@@ -73,19 +73,15 @@ def run(options: argparse.Namespace) -> int:
         )
     skin = load(options.file, options.on, options.off, noise=options.noise)
     recording = read_recording(options.readings, skin)
-    recorded = list(recording.frames)
+    recorded = recording.by_quantity()
     if options.tare > len(recorded):
         raise CalibrationFormatError(
             f"'{options.readings}' has {len(recorded)} frames, fewer than the {options.tare} of --tare. Use fewer."
         )
     rest = ""
     if options.tare:
-        rest = rested(skin, [row for _, row in recorded[: options.tare]], options.readings, options.accept)
-    others = read_modalities(options.readings, skin)
-    readings = [
-        {FORCE: reading} | {name: rows[k] for name, rows in others.items()} for k, (_, reading) in enumerate(recorded)
-    ]
-    frames = [skin.update(reading, time) for reading, (time, _) in zip(readings, recorded)]
+        rest = rested(skin, [values[FORCE] for _, values in recorded[: options.tare]], options.readings, options.accept)
+    frames = [skin.update(values, time) for time, values in recorded]
     if not frames:
         raise CalibrationFormatError(f"'{options.readings}' contains no frame. Check that it is the correct file.")
     if all(frame.problem for frame in frames):
@@ -96,6 +92,7 @@ def run(options: argparse.Namespace) -> int:
         draw_replay(skin, frames, options.picture)
     if options.output:
         if options.to == "mcap":
+            readings = [values for _, values in recorded]
             data = _as_mcap(options.file, skin, readings, frames, recording.cycles or range(len(frames)))
         else:
             data = _as_rerun(options.file, skin, frames) if options.to == "rerun" else _as_lines(skin, frames)
@@ -107,7 +104,7 @@ def run(options: argparse.Namespace) -> int:
             "Check that no counter, time or total is among the channels."
         )
     for name in skin.modalities:
-        if name not in others:
+        if name not in recorded[0][1]:
             complain(f"warning: the recording has no readings of {name}, which the calibration has")
     seconds = np.array([frame.time for frame in frames])
     steps = np.diff(seconds[np.isfinite(seconds)])

@@ -18,6 +18,7 @@ from ..common.text import NumberError, read_text, real
 from ..messages.mcap_file import RecordedReadings
 from ..runtime.footprint import SupportingPolygon
 from ..runtime.frame import Frame
+from ..runtime.modalities import FORCE
 from ..runtime.polygon import Polygon
 from ..runtime.skin import Skin
 from .columns import Columns, ColumnsError, match_columns
@@ -38,6 +39,15 @@ class Recording:
     has_more: bool = False  # whether the file has numbers without a name that the skin does not need
     notes: tuple[str, ...] = ()  # what a person should know of the recording
     cycles: Sequence[int] | None = None  # number of each frame; None: in their order
+    modalities: Callable[[], dict[str, Array]] = dict  # reads the readings (t, channels) of those that the file has
+
+    def by_quantity(self) -> list[tuple[float, dict[str, Array]]]:
+        """Read time [s] and readings of all frames: those of the force and of the modalities, by their names."""
+        others = self.modalities()
+        return [
+            (time, {FORCE: row} | {name: rows[k] for name, rows in others.items()})
+            for k, (time, row) in enumerate(self.frames)
+        ]
 
 
 def read_recording(path: str | Path, skin: Skin) -> Recording:
@@ -47,7 +57,7 @@ def read_recording(path: str | Path, skin: Skin) -> Recording:
         raise CalibrationFormatError(f"{skin.link} has no taxels, so '{path}' cannot be replayed. Add a skin")
     if path.suffix.lower() == ".mcap":
         return _messages(path, skin)
-    return _packed(path, skin.reading_length) if path.suffix.lower() == ".npz" else _table(path, skin)
+    return _packed(path, skin) if path.suffix.lower() == ".npz" else _table(path, skin)
 
 
 def faults_of(found: RecordedReadings) -> list[str]:
@@ -74,27 +84,16 @@ def _messages(path: Path, skin: Skin) -> Recording:
             f"recorded with another calibration ({named}). Check that its channels are the same: skin-calib diff"
         )
     text = f"messages of the link {skin.link}; numbers of a message are channels from 0 on"
-    return Recording(iter(zip(found.times, found.readings)), text, notes=tuple(notes), cycles=found.cycles)
+
+    def modalities() -> dict[str, Array]:
+        return {name: rows for name in skin.modalities if (rows := found.of(name)) is not None}
+
+    frames = iter(zip(found.times, found.readings))
+    return Recording(frames, text, notes=tuple(notes), cycles=found.cycles, modalities=modalities)
 
 
-def read_modalities(path: str | Path, skin: Skin) -> dict[str, Array]:
-    """Return the readings (t, channels) of the modalities that a recording has."""
-    path, names = Path(path), skin.modalities
-    if path.suffix.lower() == ".mcap" and names:
-        found = RecordedReadings(path, skin.link, MAX_NUMBERS)
-        return {name: rows for name in names if (rows := found.of(name)) is not None}
-    if path.suffix.lower() != ".npz":
-        return {}
-    stored = _arrays(path, lambda there: ["time", *(name for name in names if name in there)])
-    time = stored.pop("time")
-    for name, rows in stored.items():
-        if rows.shape[:1] != time.shape or rows.ndim != 2:
-            what = f"{name} {rows.dtype} {rows.shape} for {len(time)} frames"
-            raise CalibrationFormatError(f"'{path}' has {what}. Give numbers of shape (t, channels)")
-    return stored
-
-
-def _packed(path: Path, length: int) -> Recording:
+def _packed(path: Path, skin: Skin) -> Recording:
+    length = skin.reading_length
     time, readings = _arrays(path, lambda _: ["time", "readings"]).values()
     if time.ndim != 1 or time.dtype.kind not in "uif" or readings.shape[:1] != time.shape or readings.ndim != 2:
         shapes = f"time {time.dtype} {time.shape} and readings {readings.dtype} {readings.shape}"
@@ -103,7 +102,18 @@ def _packed(path: Path, length: int) -> Recording:
     text = f"readings[:, 0] to readings[:, {length - 1}] are channels 0 to {length - 1}"
     if has_more := width > length:
         text += f"; not used: readings[:, {length}]" + (f" to readings[:, {width - 1}]" if width > length + 1 else "")
-    return Recording(iter(zip(time.astype(float).tolist(), readings)), text, has_more)
+    frames = iter(zip(time.astype(float).tolist(), readings))
+    return Recording(frames, text, has_more, modalities=lambda: _other_arrays(path, skin.modalities, len(time)))
+
+
+def _other_arrays(path: Path, names: Collection[str], count: int) -> dict[str, Array]:
+    """Return the readings of the modalities in an NPZ file with a number of frames."""
+    stored = _arrays(path, lambda there: [name for name in names if name in there])
+    for name, rows in stored.items():
+        if rows.shape[:1] != (count,) or rows.ndim != 2:
+            what = f"{name} {rows.dtype} {rows.shape} for {count} frames"
+            raise CalibrationFormatError(f"'{path}' has {what}. Give numbers of shape (t, channels)")
+    return stored
 
 
 def _arrays(path: Path, choose: Callable[[Collection[str]], Iterable[str]]) -> dict[str, np.ndarray]:

@@ -8,10 +8,9 @@ from typing import Any, Protocol
 
 from ..common.errors import SkinCalibError
 from ..common.packages import optional_package
-from ..inspection.recording import read_modalities, read_recording
+from ..inspection.recording import read_recording
 from ..messages.packet import Reading
 from ..runtime import Skin
-from ..runtime.modalities import FORCE
 
 # [s] An input without bytes returns after this time. Larger: a later end after Ctrl+C; smaller: it wakes for nothing.
 WAIT = 0.1
@@ -105,12 +104,9 @@ class FileInput(Input):
     def __init__(self, path: Path, skin: Skin):
         recording = read_recording(path, skin)
         self.notes = recording.notes
-        others = read_modalities(path, skin)
-        frames = list(recording.frames)
-        self._left = [
-            Reading(at, cycle, {FORCE: row} | {name: rows[k] for name, rows in others.items()})
-            for k, ((at, row), cycle) in enumerate(zip(frames, recording.cycles or range(len(frames))))
-        ][::-1]
+        frames = recording.by_quantity()
+        cycles = recording.cycles or range(len(frames))
+        self._left = [Reading(at, cycle, values) for (at, values), cycle in zip(frames, cycles)][::-1]
         self._offset: float | None = None  # of its clock
         self.text = f"{path}, {len(frames)} readings"
 
