@@ -34,13 +34,21 @@ def schema() -> str:
 
 def tables() -> str:
     """Return the text of the page of tables: one for each object of a plan file."""
-    return HEAD + "".join(table(record) for record in (*PLANS.values(), *RECORDS))
+    first: dict[tuple[str, ...], Record] = {}
+    return HEAD + "".join(table(record, first) for record in (*PLANS.values(), *RECORDS))
 
 
-def table(record: Record) -> str:
-    """Return the heading and the table of one object."""
-    rows = [COLUMNS, ("---",) * len(COLUMNS), *(row(key) for key in record.keys)]
+def table(record: Record, first: dict[tuple[str, ...], Record]) -> str:
+    """Return the heading and the table of one object; ``first`` has the rows of earlier ones, which are not repeated."""
+    rows, others = [COLUMNS, ("---",) * len(COLUMNS)], dict[str, list[str]]()
+    for key in record.keys:
+        cells = row(key)
+        if (owner := first.setdefault(cells, record)) is record or key.type.kind == "constant":
+            rows.append(cells)
+        else:
+            others.setdefault(f"[{owner.title}](#{owner.name})", []).append(cells[0])
     lines = ["| " + " | ".join(cells) + " |" for cells in rows]
+    lines += ["", *(f"As in {link}: {', '.join(keys)}." for link, keys in others.items())] if others else []
     return "\n".join(["", f"## {record.title} {{#{record.name}}}", "", *lines, ""])
 
 

@@ -50,9 +50,11 @@ def test_added_key_is_read_and_written(members):
 
 
 def test_added_key_is_documented():
-    """Its row says everything."""
-    row = "| `thickness` | length [m] | `0.001` | Thickness. | Thickness |"
-    assert row in plan_keys.table(THICK).splitlines()
+    """Its row says everything; a record with the same keys refers to it."""
+    row, rows = "| `thickness` | length [m] | `0.001` | Thickness. | Thickness |", {}
+    assert row in plan_keys.table(THICK, rows).splitlines()
+    again = plan_keys.table(replace(THICK, name="again"), rows)
+    assert row not in again and f"As in [{THICK.title}](#{THICK.name}): " in again and "`thickness`" in again
 
 
 @pytest.mark.parametrize(
