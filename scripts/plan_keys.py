@@ -39,7 +39,7 @@ def tables() -> str:
 
 
 def table(record: Record, first: dict[tuple[str, ...], Record]) -> str:
-    """Return the heading and the table of one object; ``first`` has the rows of earlier ones, which are not repeated."""
+    """Return the heading and the table of one object; rows of earlier ones, in ``first``, are not repeated."""
     rows, others = [COLUMNS, ("---",) * len(COLUMNS)], dict[str, list[str]]()
     for key in record.keys:
         cells = row(key)

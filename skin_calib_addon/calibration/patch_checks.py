@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, IntArray, is_covariance
+from ..common.arrays import Array, is_covariance
 from ..common.findings import Finding, error, show, warning
 from .model import MIN_TAXEL_DISTANCE, fan_areas, neighbour_rows
 from .parts import Part, needs
@@ -139,7 +139,10 @@ def _tangents_follow_the_lattice(
     pairs = neighbour_rows(ids, neighbours)
     index_array = np.array(index, int)
     step = index_array[pairs[:, 1]] - index_array[pairs[:, 0]]
-    is_next = np.abs(step).sum(axis=1) == 1 if kind == "sheet" else _is_hexagonal_step(step)
+    if kind == "sheet":
+        is_next = np.abs(step).sum(axis=1) == 1
+    else:
+        is_next = (np.abs(step).max(axis=1) == 1) & (step[:, 0] != step[:, 1])
     (a, b), step = pairs[is_next].T, step[is_next]
     arm = position[b] - position[a]
     ahead, aside = (arm * tangent[a]).sum(axis=1), (arm * np.cross(normal[a], tangent[a])).sum(axis=1)
@@ -157,10 +160,6 @@ def _tangents_follow_the_lattice(
             f"contradicts the index: with the normal it gives another direction to {show(other)}; the frame is mirrored"
         )
         yield warning("mirrored-tangent", patch.at("tangent", taxel), message, tangent[taxel].tolist())
-
-
-def _is_hexagonal_step(step: IntArray) -> BoolArray:
-    return (np.abs(step).max(axis=1) == 1) & (step[:, 0] != step[:, 1])
 
 
 @needs("ports", "neighbours")

@@ -160,7 +160,7 @@ def calibrations_of(robot: RobotSet, folder: Path) -> tuple[dict[str, LinkCalibr
         if first != link.first_channel:
             message = f"is not the lowest channel of {show(link.link)}, which is {show(first)}"
             findings.append(error("first-channel", child("", "links", k, "first_channel"), message, link.first_channel))
-        if link.chains and Counter(map(_without_bus, link.chains)) != Counter(_chains(calibration)):
+        if link.chains and Counter(replace(one, bus=None) for one in link.chains) != Counter(_chains(calibration)):
             message = f"are not the chains of {show(link.link)}: first channels or numbers of boards differ"
             findings.append(error("chains", child("", "links", k, "chains"), message))
         calibrations[link.link] = calibration
@@ -255,10 +255,6 @@ def _chains(calibration: LinkCalibration) -> Iterator[Chain]:
     """Yield the chains of the boards of a link, without buses."""
     for channels in chain_channels(calibration):
         yield Chain(int(channels.min()), len(channels))
-
-
-def _without_bus(chain: Chain) -> Chain:
-    return replace(chain, bus=None)
 
 
 def _first_channel(calibration: LinkCalibration) -> int | None:

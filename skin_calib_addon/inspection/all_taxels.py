@@ -49,7 +49,8 @@ class AllTaxels:
             parts = (t.quality.get(name, np.full((len(t.ids), *shape), np.nan)) for t in taxels)
             return np.concatenate([np.empty((0, *shape)), *parts])
 
-        padded = (np.pad(t.corners_link, _missing(t.corners_link, most), mode="edge") for t in taxels)
+        missing = (((0, 0), (0, most - t.corners_link.shape[1]), (0, 0)) for t in taxels)
+        padded = (np.pad(t.corners_link, width, mode="edge") for t, width in zip(taxels, missing))
         return cls(
             ids=sum((t.ids for t in taxels), ()),
             channels=joined("channels").astype(np.int64),
@@ -150,7 +151,3 @@ class AllTaxels:
     def width(self) -> float:
         """Side of a square with the median area of the cells [m]; 0 without cells."""
         return float(np.sqrt(np.median(self.areas))) if len(self.areas) else 0.0
-
-
-def _missing(corners: Array, most: int) -> tuple[tuple[int, int], ...]:
-    return (0, 0), (0, most - corners.shape[1]), (0, 0)

@@ -7,6 +7,7 @@ from textwrap import wrap
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..calibration.model import LinkCalibration, TaxelArray
 from ..common.arrays import Array, unit
@@ -62,8 +63,8 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
         raise SkinCalibError(f"the calibration of '{calibration.link}' has no surface to draw; fit its plan")
     figure = blank(1, 1)  # raises before the computation if matplotlib is missing
     grids = [surface_of(s).grid_points(*(np.linspace(0, 1, k + 1) for k in QUAD_COUNTS)) for s in calibration.surfaces]
-    grid, all_quads = grids[0], np.concatenate([_quads(grid) for grid in grids])
-    quads, all_normals = _quads(grid), _quad_normals(all_quads)
+    grid, all_quads = grids[0], np.concatenate([quads_of(grid) for grid in grids])
+    quads, all_normals = quads_of(grid), _quad_normals(all_quads)
     normals = all_normals[: len(quads)]
     camera = look_at(_visible_normals(calibration, normals), unit(grid[-1].mean(axis=0) - grid[0].mean(axis=0)))
     of_mesh = [_mesh_panel(calibration, mesh), _error_panel(calibration, all_quads, all_normals, mesh)] if mesh else []
@@ -98,9 +99,9 @@ def _notes(calibration: LinkCalibration, width: int) -> list[str]:
     return [line for text in texts for line in wrap(text, width, subsequent_indent="   ")]
 
 
-def _quads(grid: Array) -> Array:
-    """Return the faces (k, 4, 3) between the points of a grid."""
-    return np.stack((grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]), axis=2).reshape(-1, 4, 3)
+def quads_of(grid: NDArray[Any]) -> NDArray[Any]:
+    """Return the corners (k, 4, c) of the faces between the points (n, m, c) of a grid."""
+    return np.stack((grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]), axis=2).reshape(-1, 4, grid.shape[2])
 
 
 def _quad_normals(quads: Array) -> Array:

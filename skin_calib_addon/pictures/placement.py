@@ -11,7 +11,7 @@ from ..common.errors import millimetres
 from ..geometry.mesh.distance import closest
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..proposal.one_skin import Placement
-from .calibration import PLAIN, Camera, blank, look_at, paint, save_png
+from .calibration import PLAIN, Camera, blank, look_at, paint, quads_of, save_png
 
 SURFACE, FITS, OFF, NEAREST = (0.62, 0.75, 0.90), (0.0, 0.62, 0.45), (0.84, 0.37, 0.0), "#0072b2"  # colours
 PLANE_COLOUR = (0.25, 0.3, 0.4, 0.6)
@@ -61,9 +61,8 @@ def _surface_layer(placed: Placement) -> tuple[Array, Array, tuple[float, float,
     u, v = (np.linspace(0, 1, 6 * n) for n in fit.offsets.shape)
     grid = fit.error_field.surface.grid_points(u, v)
     inside = fit.is_trusted(np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)).reshape(grid.shape[:2])
-    quads = np.stack((grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]), axis=2)
-    kept = inside[:-1, :-1] & inside[1:, :-1] & inside[1:, 1:] & inside[:-1, 1:]
-    return quads[kept], _normals(quads[kept]), SURFACE, None
+    quads = quads_of(grid)[quads_of(inside[..., None]).all(axis=(1, 2))]
+    return quads, _normals(quads), SURFACE, None
 
 
 def _normals(polygons: Array) -> Array:

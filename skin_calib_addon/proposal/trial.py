@@ -65,8 +65,7 @@ def whole(region: Region, mesh: TriangleMesh) -> Parametrization:
         return replace(region, margin=0.0).parametrization(mesh)
     assert region.axis is not None
     frame = frame_of(np.array(region.axis.point), np.array(region.axis.direction))
-    stations = frame.stations(mesh.vertices)
-    return TubeParametrization(frame, (float(stations.min()), float(stations.max())))
+    return TubeParametrization(frame, frame.extent(mesh.vertices))
 
 
 def even_lines(parametrization: Parametrization, n: int, m: int) -> LineGrid:

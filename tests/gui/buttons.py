@@ -46,15 +46,10 @@ def press(gui, name):
 
 def find(gui, name):
     """Move to the centre of a button of the sidebar, named as for ``gui.find``; scroll if necessary."""
-    here, known, place = gui.region("UI"), set(), None
-    for key in (None, "HOME", *["PAGE_DOWN"] * 20):
-        if key:
-            yield from gui.move(here.x + here.width / 2, here.y + here.height / 2)
-            yield from gui.key(key)
-            yield from gui.redraw()
-            before, place = place, tuple(here.view2d.region_to_view(0, 0))
-            if before == place:
-                break
+    here, known = gui.region("UI"), set()
+    for scroll in PAGES:
+        if (yield from scroll(gui)):
+            break
         for x in [here.x + here.width * fraction for fraction in COLUMNS]:
             places = [(x, y) for y in _rows(here)]
             seen = yield from _look(gui, places)
@@ -63,6 +58,24 @@ def find(gui, name):
             if hits:
                 return (yield from _middle(gui, here, *hits[0]))
     raise LookupError(f"no button {name!r} in the sidebar; there are {sorted(known)}")
+
+
+def _page(key):
+    """Return what scrolls the sidebar by a key, or not at all, and returns whether it was at its end."""
+
+    def scroll(gui):
+        here = gui.region("UI")
+        before = tuple(here.view2d.region_to_view(0, 0))
+        if key:
+            yield from gui.move(here.x + here.width / 2, here.y + here.height / 2)
+            yield from gui.key(key)
+            yield from gui.redraw()
+        return key == "PAGE_DOWN" and before == tuple(here.view2d.region_to_view(0, 0))
+
+    return scroll
+
+
+PAGES = [_page(key) for key in (None, "HOME", *["PAGE_DOWN"] * 20)]  # of a sidebar, the present one first
 
 
 def open_tab(gui, name):
@@ -85,19 +98,22 @@ def open_tab(gui, name):
 
 
 def open_line(gui, states, name):
-    """Click on the line of a closed part of the sidebar. Lines are no buttons: others are tried, and closed again.
+    """Click on the line of a closed part of the sidebar; scroll if necessary. Others are tried, and closed again.
 
-    ``states`` returns the properties that keep what is open.
+    Lines are no buttons. ``states`` returns the properties that keep what is open.
     """
     if getattr(states(), name):
         return
-    for place in (yield from _without_button(gui)):
-        before = _open(states())
-        yield from _try_click(gui, *place)
-        if name in _open(states()):
-            return
-        if before != _open(states()):
+    for scroll in PAGES:
+        if (yield from scroll(gui)):
+            break
+        for place in (yield from _without_button(gui)):
+            before = _open(states())
             yield from _try_click(gui, *place)
+            if name in _open(states()):
+                return
+            if before != _open(states()):
+                yield from _try_click(gui, *place)
     raise LookupError(f"no line {name!r} in the sidebar")
 
 

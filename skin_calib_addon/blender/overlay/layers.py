@@ -259,7 +259,8 @@ def _uncertainty(taxels: AllTaxels) -> Layer:
 def heat_layer(what: str, taxels: AllTaxels, values: np.ndarray, legend: Legend) -> Layer:
     """Return the cells, filled with the colours of values."""
     points, triangles = fans(taxels)
-    return Layer(what, points, heat_colours(taxels, values, legend), triangles, legend=legend)
+    colours = np.repeat(legend.colours(values), taxels.corners.shape[1] + 1, axis=0)
+    return Layer(what, points, colours, triangles, legend=legend)
 
 
 def fans(taxels: AllTaxels) -> tuple[np.ndarray, np.ndarray]:
@@ -285,11 +286,6 @@ def raised_corners(taxels: AllTaxels) -> np.ndarray:
     below = np.einsum("nk,nk->n", taxels.positions - taxels.corners.mean(axis=1), taxels.normals)
     height = CELL_LIFT * taxels.width + np.maximum(below, 0.0)
     return taxels.corners + (height[:, None] * taxels.normals)[:, None]
-
-
-def heat_colours(taxels: AllTaxels, values: np.ndarray, legend: Legend) -> np.ndarray:
-    """Return colours for the points of :func:`fans`."""
-    return np.repeat(legend.colours(values), taxels.corners.shape[1] + 1, axis=0)
 
 
 def line_sections(fit: Any) -> np.ndarray:

@@ -72,11 +72,6 @@ class SKIN_PG_touch(bpy.types.PropertyGroup):
     far: flag(description="Whether it is far from its taxel")
 
 
-def _jump(record, context):
-    """Show the touch that was selected in the list."""
-    comparing.show_touch(record.id_data, context)
-
-
 class SKIN_PG_comparison(bpy.types.PropertyGroup):
     """Distances of the skin from the taxels of a file, or from touches."""
 
@@ -91,7 +86,7 @@ class SKIN_PG_comparison(bpy.types.PropertyGroup):
         description="Which touch is marked; the view moves to it",
         default=-1,
         min=-1,
-        update=_jump,
+        update=lambda record, context: comparing.show_touch(record.id_data, context),
     )
 
 

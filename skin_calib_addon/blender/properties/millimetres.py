@@ -40,25 +40,21 @@ def _in_millimetres(name: str, length: Any) -> Any:
     if length.keywords.get("subtype") == "TRANSLATION":
         options["subtype"] = "XYZ"  # X, Y and Z before the numbers
     if length.function == bpy.props.FloatVectorProperty:
-        return length.function(get=_vector_of(name), set=_set_vector(name), **options)
-    return length.function(get=_number_of(name), set=_set_number(name), **options)
+        return length.function(
+            get=lambda group: [exact(number, _factor()) for number in getattr(group, name)],
+            set=_set_vector(name),
+            **options,
+        )
+    return length.function(
+        get=lambda group: exact(getattr(group, name), _factor()),
+        set=lambda group, number: setattr(group, name, exact(number, 1 / _factor())),
+        **options,
+    )
 
 
 def _factor() -> float:
     """Return how many millimetres a scene unit is."""
     return 1e3 * metres_per_unit(bpy.context.scene)
-
-
-def _number_of(name: str) -> Callable[[Any], float]:
-    return lambda group: exact(getattr(group, name), _factor())
-
-
-def _set_number(name: str) -> Callable[[Any, float], None]:
-    return lambda group, length: setattr(group, name, exact(length, 1 / _factor()))
-
-
-def _vector_of(name: str) -> Callable[[Any], list[float]]:
-    return lambda group: [exact(length, _factor()) for length in getattr(group, name)]
 
 
 def _set_vector(name: str) -> Callable[[Any, Sequence[float]], None]:

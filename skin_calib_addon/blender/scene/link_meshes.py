@@ -66,7 +66,8 @@ def read_facets(link: bpy.types.Object, context: bpy.types.Context, before: Face
 def read_placement(link: bpy.types.Object, metre: float) -> Array:
     """Return the transformation of the object's own axes and units into the link frame, shape (3, 4) [m]."""
     unit = metre * _scale(link)
-    return np.array([vector(row, unit) for row in _local(link)[:3]])
+    placed = _own_scale(link) if is_frame(link) else _pose(link)  # in units of the frame
+    return np.array([vector(row, unit) for row in placed[:3]])
 
 
 def read_edges(link: bpy.types.Object, context: bpy.types.Context) -> tuple[Array, IntArray]:
@@ -98,11 +99,6 @@ def link_frame(link: bpy.types.Object) -> Matrix:
 
 def _own_scale(link: bpy.types.Object) -> Matrix:
     return Matrix.Diagonal((*(s * d for s, d in zip(link.scale, link.delta_scale)), 1))
-
-
-def _local(link: bpy.types.Object) -> Matrix:
-    """Return the matrix from the object to the link frame, in units of the frame."""
-    return _own_scale(link) if is_frame(link) else _pose(link)
 
 
 def _pose(thing: bpy.types.Object) -> Matrix:

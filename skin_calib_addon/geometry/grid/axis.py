@@ -155,8 +155,7 @@ def symmetry_notes(mesh: TriangleMesh, axis: Axis | None) -> tuple[Warning, ...]
 
 def profile_harmonics(mesh: TriangleMesh, frame: TubeFrame) -> ComplexArray:
     """Return the harmonics of the profile about an axis, as in ``zero_direction``; inner parts have no influence."""
-    height = frame.stations(mesh.vertices)
-    stations, weights = gauss_stations(float(height.min()), float(height.max()), ZERO_SECTIONS)
+    stations, weights = gauss_stations(*frame.extent(mesh.vertices), ZERO_SECTIONS)
     sections = cut_sections(mesh, frame.planes(stations))
     ends = frame.across(sections.ends - frame.point)
     outer = RayCaster(sections.plane, ends, sections.planes, centres=np.zeros((sections.planes, 2))).segment
@@ -235,8 +234,7 @@ def axis_with_taper(mesh: TriangleMesh) -> tuple[TubeFrame, float]:
     point = (areas[:, None] * mesh.triangles.mean(axis=1)).sum(axis=0) / areas.sum()
     for _ in range(3):
         frame = frame_of(point, direction)
-        height = frame.stations(mesh.vertices)
-        low, high = float(height.min()), float(height.max())
+        low, high = frame.extent(mesh.vertices)
         inset = (high - low) / 4
         stations, weights = gauss_stations(low + inset, high - inset, AXIS_SECTIONS)
         centres, radii, planes = section_circles(cut_sections(mesh, frame.planes(stations)), frame)
@@ -305,8 +303,7 @@ def section_circles(sections: Sections, frame: TubeFrame) -> tuple[Array, Array,
 
 def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None, angles: Array) -> tuple[float, float]:
     """Return the first and the last station of a tube's planes [m]."""
-    height = frame.stations(mesh.vertices)
-    low, high = float(height.min()), float(height.max())
+    low, high = frame.extent(mesh.vertices)
     if margin is not None:
         if high - low - 2 * margin < SAME_PLANE_FRACTION * mesh.size:
             raise InvalidPlan(

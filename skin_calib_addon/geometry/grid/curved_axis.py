@@ -77,9 +77,9 @@ def find_curved_axis(mesh: TriangleMesh, frame: TubeFrame) -> CurvedAxis | None:
     The centres of the sections across one curve give the next curve, until the planes are perpendicular to it. Where
     steps and ends make the curves alternate, the one nearest to the centres of its own sections counts.
     """
-    height = frame.stations(mesh.vertices)
-    inset = END_INSET * float(np.ptp(height))
-    stations = np.linspace(height.min() + inset, height.max() - inset, CENTRE_COUNT)
+    low, high = frame.extent(mesh.vertices)
+    inset = END_INSET * (high - low)
+    stations = np.linspace(low + inset, high - inset, CENTRE_COUNT)
     centres, radius, _ = section_centres(mesh, frame.planes(stations), frame.fan(stations, FULL_TURN_ANGLES))
     if len(centres) <= CURVE_DEGREE:
         return None

@@ -300,8 +300,7 @@ def length_warnings(region: Region, parametrization: Parametrization, mesh: Tria
     if isinstance(frame, CurvedAxis):
         low, high = curved_axis_span(mesh, frame, 0.0)
     else:
-        stations = frame.stations(mesh.vertices)
-        low, high = float(stations.min()), float(stations.max())
+        low, high = frame.extent(mesh.vertices)
     covered, length = last - first, high - low
     if covered >= MIN_COVERED_LENGTH * length:
         return ()

@@ -25,6 +25,11 @@ class TubeFrame:
         """Return the heights of points along the axis [m]."""
         return along(points - self.point, self.e3)
 
+    def extent(self, points: Array) -> tuple[float, float]:
+        """Return the least and the largest station of points (n, 3) [m]."""
+        stations = self.stations(points)
+        return float(stations.min()), float(stations.max())
+
     def rays(self, angles: Array) -> Array:
         """Return unit directions away from the axis, shape (len(angles), 3)."""
         return np.cos(angles)[:, None] * self.e1 + np.sin(angles)[:, None] * self.e2
