@@ -126,7 +126,7 @@ def fit_gains(calibration: LinkCalibration, touches: Touches) -> GainFit:
         message = f"a usual taxel never reads less than {least:g}. Record a second without contact first"
         raise UnderdeterminedFit(f"{message}, as rows without a number of the press if the others have one")
     rest = np.zeros(readings.shape[1]) if recording.rest is None else recording.rest
-    normals, cosines = _inward(calibration, touches)
+    normals, cosines = _directions(calibration, touches)
     forces = (touches.wrenches[:, :3] * normals).sum(axis=1)
     raw = recording.sign * readings + rest
     # of the strongest taxel: one that is stuck is not saturated
@@ -171,7 +171,7 @@ def _table(knots: Array, heights: Array, sign: int, rest: float) -> ResponseTabl
     return ResponseTable(tuple((rest + sign * knots)[order].tolist()), tuple(heights[order].tolist()))
 
 
-def _inward(calibration: LinkCalibration, touches: Touches) -> tuple[Array, Array]:
+def _directions(calibration: LinkCalibration, touches: Touches) -> tuple[Array, Array]:
     """Return the directions of forces (m, 3), along the mean normals, and cosines (m, k) of these with the taxels'."""
     normals = calibration.of_taxels(touches.felt, "normals_link")
     mean = unit(np.maximum(touches.readings, 0.0) @ normals)
@@ -254,7 +254,6 @@ def _gains(loads: Array, residuals: Array) -> tuple[Array, float]:
     values, vectors = np.linalg.eigh(loads @ loads.T)
     projected = vectors.T @ residuals
     variance = np.maximum(values, 0.0)
-
     least = 1e-4 + 1e-3 * float(np.abs(residuals).max(initial=0.0))
     noises = np.geomspace(least, max(float(residuals.std()), 2 * least), len(SPREADS))
     total = (noises**2)[:, None, None] + (SPREADS**2)[:, None] * variance

@@ -39,7 +39,7 @@ MAX_SCALE_ERROR = 0.15
 MAX_RESIDUAL = 0.2
 # [1] Largest distance of the directions of gravity in successive rows of one posture, which count once: .5 degrees.
 # Larger: joins postures; smaller: noise of the joints makes several of one, with standard errors that are too small.
-SAME_POSTURE = 0.01
+SAME_GRAVITY = 0.01
 # [rad], [standard errors] of a rotation that is named. Larger: fewer warnings.
 MIN_ROTATION, MIN_SIGNIFICANCE = np.deg2rad(1.0), 4.0
 
@@ -139,7 +139,7 @@ def _postures(rows: Array) -> Array:
     directions = unit(rows[:, 3:])
     starts = [0]
     for k in range(1, len(rows)):
-        if np.linalg.norm(directions[k] - directions[starts[-1]]) > SAME_POSTURE:
+        if np.linalg.norm(directions[k] - directions[starts[-1]]) > SAME_GRAVITY:
             starts.append(k)
     rows = np.hstack((rows[:, :3], directions))
     return np.array([part.mean(axis=0) for part in np.split(rows, starts[1:])])

@@ -242,12 +242,12 @@ class Placement:
     def _other_taxel(self, i: int) -> str:
         """Describe an outlier, and the taxel at its position."""
         taxels = self.patch.taxels
-        directions = np.linalg.norm(taxels.positions_link - self.places[i], axis=1)
+        distances = np.linalg.norm(taxels.positions_link - self.places[i], axis=1)
         mine = int(self.rows[i])
-        text = f"line {self.lines[i]}, {taxels.ids[mine]}, {directions[mine] * 1e3:.1f} mm"
+        text = f"line {self.lines[i]}, {taxels.ids[mine]}, {distances[mine] * 1e3:.1f} mm"
         if np.isnan(self.offsets[i, 2]):
             return text
-        return f"{text} ({taxels.ids[int(directions.argmin())]} is there)"
+        return f"{text} ({taxels.ids[int(distances.argmin())]} is there)"
 
 
 def placements(

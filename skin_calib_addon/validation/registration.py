@@ -55,13 +55,13 @@ FADE = 0.7  # [1] of the blur from grid to grid. Larger: more grids. Smaller: ma
 # [1] Fractions of the touches that report anything. More: better standard errors with many wrong channels.
 CHANCES = (0.03, 0.1, 0.3)
 LOGISTIC_SCALE = 1.702  # [1] a logistic function of 1.702 x differs from the normal distribution of x by at most 0.01
-SIDE = 11  # Points of the grid per parameter. Larger: more exact, more time.
+GRID_POINTS = 11  # per parameter. Larger: more exact, more time.
 HALF_WIDTH = 3.5  # of the grid in standard deviations. Larger: covers rarer motions, coarser.
 MAX_ROUNDS = 30  # of grids. Larger: no effect after convergence.
 ROUND_TOLERANCE = 0.02  # [1] relative change of the standard deviations in the last round. Larger: less exact.
 # [1] squared Mahalanobis distance of a significant motion: one in a hundred skins that did not move exceeds it
 # (chi-squared, three parameters). Larger: fewer significant motions.
-MIN_SIGNIFICANCE = 11.34
+MIN_SQUARED_DISTANCE = 11.34
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class Motion:
         """Whether the motion is significant."""
         k = 3 if np.isfinite(self.turn_error) else 2
         moved = np.append(self.shift, self.turn)[:k]
-        return bool(moved @ np.linalg.solve(self.covariance[:k, :k], moved) > MIN_SIGNIFICANCE)
+        return bool(moved @ np.linalg.solve(self.covariance[:k, :k], moved) > MIN_SQUARED_DISTANCE)
 
     @property
     def left_out(self) -> "Motion":
@@ -262,7 +262,7 @@ class Posterior:
 
 def posterior(evidence: Evidence) -> Posterior:
     """Integrate over all motions on grids that become finer round the probable ones."""
-    lattice = np.stack(np.meshgrid(*[np.linspace(-1, 1, SIDE)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    lattice = np.stack(np.meshgrid(*[np.linspace(-1, 1, GRID_POINTS)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     middle = evidence.arms.mean(axis=0)
     local = replace(evidence, arms=evidence.arms - middle, planned=_moving(middle) @ evidence.planned)
     mean, axes = local.planned, np.diag((MAX_SHIFT, MAX_SHIFT, MAX_TURN))
@@ -270,7 +270,7 @@ def posterior(evidence: Evidence) -> Posterior:
     width, is_last = np.inf, False
     for k in range(MAX_ROUNDS):
         motions = mean + lattice @ axes.T
-        step = axes * 2 / (SIDE - 1)
+        step = axes * 2 / (GRID_POINTS - 1)
         # half a step of the grid, per axis of the position
         blur = (
             0.0
