@@ -48,6 +48,16 @@ def sole_patch(rows=(8, 9, 8, 9, 8), side=SIDE, height=0.0, **options):
     return cell_patch(positions, np.tile((0.0, 0.0, -1.0), (len(centres), 1)), positions[:, None] + ring, **options)
 
 
+def field_patch(rows, columns):
+    """Return a flat sheet of square cells of 10 mm, with their rows and columns."""
+    row, column = (a.ravel() for a in np.indices((rows, columns)))
+    positions = np.column_stack((column * 0.01, row * 0.01, 0 * row))
+    ring = 0.005 * np.array([[-1, -1, 0], [-1, 1, 0], [1, 1, 0], [1, -1, 0.0]])
+    down = np.tile((0, 0, -1.0), (len(row), 1))
+    index = np.column_stack((row, column))
+    return cell_patch(positions, down, positions[:, None] + ring, radius=0.011, index=index)
+
+
 def skin_of(*patches, newtons=(0.0, 1.0), link="left_sole", **options):
     """Return a skin of these patches; a polynomial maps readings to newtons.
 

@@ -6,22 +6,12 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.runtime import Skin
 from tests.examples import examples
 from tests.oracles import felt
-from tests.soles import cell_patch, skin_of
+from tests.soles import field_patch, skin_of
 
 ROWS, COLUMNS = 4, 5
 N = ROWS * COLUMNS
-
-
-def field() -> Skin:
-    """Return a small flat sheet of square cells."""
-    row, column = (a.ravel() for a in np.indices((ROWS, COLUMNS)))
-    positions = np.column_stack((column * 0.01, row * 0.01, 0 * row))
-    ring = 0.005 * np.array([[-1, -1, 0], [-1, 1, 0], [1, 1, 0], [1, -1, 0.0]])
-    down = np.tile((0, 0, -1.0), (N, 1))
-    return skin_of(cell_patch(positions, down, positions[:, None] + ring, radius=0.011))
 
 
 class Sequences(RuleBasedStateMachine):
@@ -29,7 +19,7 @@ class Sequences(RuleBasedStateMachine):
 
     def __init__(self):
         super().__init__()
-        self.skin, self.time = field(), 0.0
+        self.skin, self.time = skin_of(field_patch(ROWS, COLUMNS)), 0.0
         self.on = [False] * N
         self.masked, self.baseline = set(), np.zeros(N)
         self.used, self.last = set(), {}

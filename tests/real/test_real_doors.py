@@ -67,16 +67,11 @@ def test_real_taxels_are_exported_and_read_back(arm, tmp_path, name):
 def test_mujoco_measures_every_taxel_of_a_real_skin(arm, tmp_path):
     """A sphere on each of 350 taxels: its touch sensor reacts, and its depth is the largest."""
     mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
-    from tests.unit.calibration.exchange.test_export_mujoco import DEPTH, RADIUS, press
+    from tests.unit.calibration.exchange.test_export_mujoco import DEPTH, press, with_body
 
     taxels = taxels_of(load_calibration(arm[0]))
     assert main(["export", str(arm[0]), "--to", "mjcf", "-o", str(tmp_path / "arm.xml")]) == 0
-    spec = mujoco.MjSpec.from_file(str(tmp_path / "arm.xml"))
-    finger = spec.worldbody.add_body(name="finger")
-    finger.add_freejoint()
-    finger.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0], mass=0.1)
-    model = spec.compile()
-    data = mujoco.MjData(model)
+    model, data = with_body(mujoco.MjSpec.from_file(str(tmp_path / "arm.xml")))
     for i, name in enumerate(taxels.ids):
         press(model, data, taxels.positions[i], taxels.normals[i])
         assert data.sensor(name).data[0] > 0

@@ -121,12 +121,16 @@ def test_wrench_is_that_of_the_simulator():
     assert (wrench[:, [0, 1, 5]] == 0).all() and np.abs(data["wrench_sole"][:, :2]).max() > 50
 
 
+def forearm_patch():
+    """Return the sheet of the forearm, 6 rows of 22 cells."""
+    index = np.column_stack(np.divmod(np.arange(132), 22))
+    return cell_patch(*layout("forearm"), name="arm", radius=0.0115, index=index)
+
+
 def test_contacts_on_a_forearm():
     """The mean position errors are below 3.3, 2.7, 1.5, 0.8 and 1.4 mm for contacts of 1 to 12 mm radius."""
     data, intensity = recorded("forearm_single"), np.arange(256.0)
-    positions, normals, corners = layout("forearm")
-    index = np.column_stack(np.divmod(np.arange(132), 22))
-    patch = cell_patch(positions, normals, corners, name="arm", radius=0.0115, index=index)
+    patch = forearm_patch()
     response = ResponseTable(tuple(intensity), tuple(20 * (1 - np.cbrt(1 - intensity / 255))))
     skin = Skin(small_calibration(patches=(patch,), surfaces=(plane(),), response=response))
     noise = np.random.default_rng(0).normal(0, 2, (200, 132))
@@ -152,9 +156,7 @@ def test_touches_on_a_forearm_find_the_placement_of_its_sheet():
     The strongest cell of a simulated contact contains its position, so that there is no other error.
     """
     data = recorded("forearm_single")
-    positions, normals, corners = layout("forearm")
-    index = np.column_stack(np.divmod(np.arange(132), 22))
-    patch = cell_patch(positions, normals, corners, name="arm", radius=0.0115, index=index)
+    patch, (positions, normals, _) = forearm_patch(), layout("forearm")
     along = np.roll(positions.reshape(6, 22, 3), -1, axis=1).reshape(-1, 3) - positions
     along[21::22] = along[20::22]
     along -= (along * normals).sum(axis=1)[:, None] * normals

@@ -300,6 +300,10 @@ def test_plans_of_one_name_are_refused(folder, capsys):
 )
 def test_wrong_call_is_one_line(capsys, words, message):
     """Code 2, what is wrong, and where the help is."""
+    assert_wrong_call(capsys, words, message)
+
+
+def assert_wrong_call(capsys, words, message):
     with pytest.raises(SystemExit) as caught:
         main(list(words))
     out, err = capsys.readouterr()

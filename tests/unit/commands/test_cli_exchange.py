@@ -15,7 +15,7 @@ from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
 from tests.exchange_samples import csv_text, matrix, robot_text
 from tests.samples import boards, seven_boards, sheet, small_calibration
 from tests.shapes import LENGTH, RADIUS, cylinder
-from tests.unit.commands.test_cli import assert_refused, write_plan
+from tests.unit.commands.test_cli import assert_refused, assert_wrong_call, write_plan
 
 FLAT = small_calibration(patches=(seven_boards(), boards(7)))
 
@@ -99,10 +99,7 @@ def test_failed_export_leaves_the_old_file(tmp_path, capsys):
 )
 def test_wrong_call_is_one_line(capsys, words, message):
     """Code 2, what is wrong, and where the help is."""
-    with pytest.raises(SystemExit) as caught:
-        main(list(words))
-    out, err = capsys.readouterr()
-    assert caught.value.code == 2 and out == "" and err.count("\n") == 1 and message in err and "--help" in err
+    assert_wrong_call(capsys, words, message)
 
 
 @pytest.mark.parametrize("name", READABLE)

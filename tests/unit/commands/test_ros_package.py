@@ -22,12 +22,12 @@ from skin_calib_addon.common.atomic_file import write_folder_safely
 from skin_calib_addon.common.errors import OutputError
 from skin_calib_addon.common.file_hash import file_hash
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
-from skin_calib_addon.messages.definitions import OF_ROS, text_of
 from skin_calib_addon.messages.scene import SceneMaker
 from skin_calib_addon.runtime import Skin
 from tests.samples import small_calibration
 from tests.shapes import cylinder
 from tests.unit.commands.test_cli import assert_refused
+from tests.unit.messages.test_messages import rosbags_store
 
 COLCON = "apt install ament-cmake colcon python3-colcon-cmake python3-colcon-ros python3-colcon-recursive-crawl"
 COLCON += " python3-colcon-library-path"
@@ -159,18 +159,6 @@ def test_frames_of_taxels_are_at_the_taxels(package):
             assert_allclose([frame.xpos for frame in frames], expected, atol=1e-9)
             found = [frame.xmat.reshape(3, 3)[:, 2] for frame in frames]
             assert_allclose(found, taxels.normals_link @ turn.T, atol=1e-9)
-
-
-def rosbags_store():
-    """Return the types of our definitions in rosbags."""
-    typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed: pip install rosbags")
-    store = typesys.get_typestore(typesys.Stores.EMPTY)
-    for kind, text in OF_ROS.items():
-        store.register(typesys.get_types_from_msg(text, kind.replace("/", "/msg/")))
-    store.register(
-        typesys.get_types_from_msg(text_of("skin_calib_msgs/TaxelLayout"), "skin_calib_msgs/msg/TaxelLayout")
-    )
-    return store
 
 
 def run_script(package, monkeypatch):

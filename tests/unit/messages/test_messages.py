@@ -71,12 +71,18 @@ def messages(sole):
     ]
 
 
-def rosbags_reader():
-    """Return a function that reads bytes with rosbags, from our definitions alone."""
+def rosbags_store():
+    """Return the types of our definitions in rosbags."""
     typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed: pip install rosbags")
     store = typesys.get_typestore(typesys.Stores.EMPTY)
     for kind in (*OF_ROS, *(f"{PACKAGE}/{name}" for name in NAMES)):
         store.register(typesys.get_types_from_msg(text_of(kind), kind.replace("/", "/msg/")))
+    return store
+
+
+def rosbags_reader():
+    """Return a function that reads bytes with rosbags, from our definitions alone."""
+    store = rosbags_store()
     return lambda name, data: store.deserialize_cdr(data, f"{PACKAGE}/msg/{name}")
 
 
@@ -131,10 +137,7 @@ def test_independent_readers_get_every_value(reader, messages):
 
 def test_bytes_are_those_of_rosbags(messages):
     """The other direction: what rosbags read gives the same bytes when it writes."""
-    typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed: pip install rosbags")
-    store = typesys.get_typestore(typesys.Stores.EMPTY)
-    for kind in (*OF_ROS, *(f"{PACKAGE}/{name}" for name in NAMES)):
-        store.register(typesys.get_types_from_msg(text_of(kind), kind.replace("/", "/msg/")))
+    store = rosbags_store()
     for name, message in messages:
         data = encode(name, message)
         found = store.deserialize_cdr(data, f"{PACKAGE}/msg/{name}")

@@ -15,13 +15,13 @@ from skin_calib_addon.robot import mjcf
 from skin_calib_addon.robot.kinematics import link_poses
 from skin_calib_addon.robot.urdf import read_robot
 from tests.shapes import box, cylinder
+from tests.unit.calibration.exchange.test_export_mujoco import DEPTH, RADIUS, with_body
 from tests.unit.commands.test_cli import write_plan
 from tests.unit.robot.test_robot_mesh import shape
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install mujoco): its model is not tried")
 
 
-RADIUS, DEPTH = 0.004, 0.0003  # of the sphere that presses [m]
 JOINT = (
     '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><origin xyz="{3}" rpy="0.3 -0.4 0.5"/>'
     '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
@@ -86,13 +86,8 @@ def edit(urdf, old, new):
 
 def touched(path, folder, urdf, count):
     """Press random taxels; return those that alone feel their press, and all that were pressed."""
-    spec = mujoco.MjSpec.from_file(str(path))
-    spec.option.gravity = [0, 0, 0]  # a link that falls away from the sphere is not pressed
-    finger = spec.worldbody.add_body(name="finger")
-    finger.add_freejoint()
-    finger.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0], mass=0.1)
-    model = spec.compile()
-    data = mujoco.MjData(model)
+    # without gravity: a link that falls away from the sphere is not pressed
+    model, data = with_body(mujoco.MjSpec.from_file(str(path)))
     poses, names = link_poses(read_robot(urdf)), []
     mujoco.mj_forward(model, data)
     for link, calibration in load_links(folder)[0].items():

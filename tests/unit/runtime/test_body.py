@@ -72,14 +72,20 @@ def test_moments_within_the_cells_count_everywhere():
         assert_allclose((-link.wrench[4] / link.wrench[2], link.wrench[3] / link.wrench[2]), link.cop, atol=1e-12)
 
 
+def two_feet(rng):
+    """Return two feet with noise, which know their baselines."""
+    body = Body({name: counting_sole() for name in ("left", "right")})
+    for skin in body.skins.values():
+        skin.tare(np.rint(50 + 2 * rng.normal(size=(250, N))), accept=True)
+    return body
+
+
 def test_deviations_of_a_body_are_those_of_repeated_readings():
     """Of two feet, one with four times the load of the other, CoP and ZMP scatter as stated."""
     rng = np.random.default_rng(6)
     forces = {"left": np.full((250, N), 8.0), "right": np.full((250, N), 2.0)}
     readings = {name: np.rint(50 + rows / 0.2 + 2 * rng.normal(size=rows.shape)) for name, rows in forces.items()}
-    body = Body({name: counting_sole() for name in forces})
-    for skin in body.skins.values():
-        skin.tare(np.rint(50 + 2 * rng.normal(size=(250, N))), accept=True)
+    body = two_feet(rng)
     poses = {"left": pose(y=0.1), "right": pose(y=-0.1)}
     frames = [body.update({n: rows[k] for n, rows in readings.items()}, 0.01 * k, poses) for k in range(250)]
     for name in ("cop", "zmp"):
@@ -92,9 +98,7 @@ def test_load_below_the_noise_of_a_foot_is_in_the_deviation():
     """The right foot carries 8 N, evenly, which its noise hides: the ZMP is off by more than that of the left foot."""
     rng = np.random.default_rng(7)
     forces, poses = {"left": 4.0, "right": 0.2}, {"left": pose(y=0.1), "right": pose(y=-0.1)}
-    body = Body({name: counting_sole() for name in forces})
-    for skin in body.skins.values():
-        skin.tare(np.rint(50 + 2 * rng.normal(size=(250, N))), accept=True)
+    body = two_feet(rng)
     true, ratios = 0.1 * (4.0 - 0.2) / 4.2, []
     for k in range(100):
         readings = {n: np.rint(50 + f / 0.2 + 2 * rng.normal(size=N)) for n, f in forces.items()}

@@ -3,19 +3,13 @@
 import numpy as np
 from numpy.testing import assert_array_equal
 
-from tests.soles import cell_patch, skin_of
+from tests.soles import field_patch, skin_of
 
 ROWS, COLUMNS = 6, 20
 
 
 def field():
-    """Return a flat sheet of square cells of 10 mm."""
-    row, column = (a.ravel() for a in np.indices((ROWS, COLUMNS)))
-    positions = np.column_stack((column * 0.01, row * 0.01, 0 * row))
-    ring = 0.005 * np.array([[-1, -1, 0], [-1, 1, 0], [1, 1, 0], [1, -1, 0.0]])
-    down = np.tile((0, 0, -1.0), (len(row), 1))
-    index = np.column_stack((row, column))
-    return skin_of(cell_patch(positions, down, positions[:, None] + ring, radius=0.011, index=index))
+    return skin_of(field_patch(ROWS, COLUMNS))
 
 
 def press(*cells):

@@ -25,15 +25,29 @@ def curved_and_flat():
     return calibration, taxels_of(calibration)
 
 
-def pressed(calibration):
-    """Return a model with a free sphere, and its data."""
-    spec = mujoco.MjSpec.from_string(FORMATS["mjcf"].write(calibration).decode())
-    finger = spec.worldbody.add_body(name="finger")
-    finger.add_freejoint()
-    finger.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0], mass=0.1)
+def spec_of(calibration):
+    """Return the specification of the exported model."""
+    return mujoco.MjSpec.from_string(FORMATS["mjcf"].write(calibration).decode())
+
+
+def with_body(spec, name="finger", kind=mujoco.mjtGeom.mjGEOM_SPHERE, size=(RADIUS, 0, 0), mass=0.1):
+    """Return a model with a free body, the sphere by default, without gravity, and its data."""
+    body = spec.worldbody.add_body(name=name)
+    body.add_freejoint()
+    body.add_geom(type=kind, size=size, mass=mass)
     spec.option.gravity = [0, 0, 0]
     model = spec.compile()
     return model, mujoco.MjData(model)
+
+
+def plate_on(calibration, rows):
+    """Yield a model and its data with a plate that presses on some taxels, one after the other."""
+    model, data = with_body(spec_of(calibration), "plate", mujoco.mjtGeom.mjGEOM_BOX, [0.3, 0.3, 0.01], 1)
+    taxels, turn = taxels_of(calibration), np.zeros(4)
+    for row in rows:
+        mujoco.mju_quatZ2Vec(turn, taxels.normals[row])
+        data.qpos[:] = [*(taxels.positions[row] + (0.01 - DEPTH) * taxels.normals[row]), *turn]
+        yield model, data
 
 
 def press(model, data, place, normal, velocity=(0, 0, 0)):
@@ -58,7 +72,7 @@ def test_sites_stand_where_the_taxels_are():
 def test_touch_and_tactile_sensors_feel_the_pressed_taxel():
     """A small sphere near the centre of each taxel: only this taxel has a contact, with the right depth."""
     calibration, taxels = curved_and_flat()
-    model, data = pressed(calibration)
+    model, data = with_body(spec_of(calibration))
     for i, name in enumerate(taxels.ids):
         press(model, data, taxels.positions[i] + 0.0005 * taxels.tangents[i], taxels.normals[i])
         touched = [other for other in taxels.ids if data.sensor(other).data[0] > 0]
@@ -72,7 +86,7 @@ def test_touch_and_tactile_sensors_feel_the_pressed_taxel():
 def test_contact_names_its_taxel():
     """The geom of a cell has the id; the model for Newton has the same cells and no mesh."""
     calibration, taxels = curved_and_flat()
-    model, data = pressed(calibration)
+    model, data = with_body(spec_of(calibration))
     press(model, data, taxels.positions[9], taxels.normals[9])
     assert taxels.ids[9] in {model.geom(i).name for i in data.contact[0].geom}
     text = FORMATS["newton"].write(calibration).decode()
@@ -92,16 +106,8 @@ def sole():
 def test_touch_sensors_add_up_to_the_contact_forces(made):
     """A plate presses on one taxel after another. Its contacts at the rims of cells count once each."""
     calibration = made()
-    spec = mujoco.MjSpec.from_string(FORMATS["mjcf"].write(calibration).decode())
-    plate = spec.worldbody.add_body(name="plate")
-    plate.add_freejoint()
-    plate.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.3, 0.3, 0.01], mass=1)
-    spec.option.gravity = [0, 0, 0]
-    model = spec.compile()
-    data, taxels, turn = mujoco.MjData(model), taxels_of(calibration), np.zeros(4)
-    for position, normal in zip(taxels.positions, taxels.normals):
-        mujoco.mju_quatZ2Vec(turn, normal)
-        data.qpos[:] = [*(position + (0.01 - DEPTH) * normal), *turn]
+    taxels = taxels_of(calibration)
+    for model, data in plate_on(calibration, range(len(taxels.ids))):
         mujoco.mj_forward(model, data)
         forces = [np.zeros(6) for _ in range(data.ncon)]
         for k, force in enumerate(forces):
@@ -113,7 +119,7 @@ def test_touch_sensors_add_up_to_the_contact_forces(made):
 def test_sphere_that_hovers_is_not_felt():
     """0.1 mm above each taxel there is no contact: the cells end at the taxels."""
     calibration, taxels = curved_and_flat()
-    model, data = pressed(calibration)
+    model, data = with_body(spec_of(calibration))
     for i in range(len(taxels.ids)):
         press(model, data, taxels.positions[i] + (DEPTH + 1e-4) * taxels.normals[i], taxels.normals[i])
         assert not data.sensordata.any()
@@ -123,7 +129,7 @@ def test_sphere_that_hovers_is_not_felt():
 def test_slip_runs_along_the_tangent_and_across(axis):
     """A sphere that moves along an axis of the taxel frame gives slip only in that channel."""
     calibration, taxels = curved_and_flat()
-    model, data = pressed(calibration)
+    model, data = with_body(spec_of(calibration))
     for i in (8, 9, 24):
         press(model, data, taxels.positions[i], taxels.normals[i], 0.1 * taxels.axes[i, :, axis])
         slips = data.sensor("sheet" if i < 24 else "flower").data.reshape(3, -1)[1:, i if i < 24 else 0]
@@ -133,7 +139,7 @@ def test_slip_runs_along_the_tangent_and_across(axis):
 def test_press_between_four_cells_is_felt_by_them():
     """Sites have no gaps: a larger sphere on a corner touches only cells around it."""
     calibration, taxels = curved_and_flat()
-    model, data = pressed(calibration)
+    model, data = with_body(spec_of(calibration))
     corner = calibration.patches[0].taxels.corners_link[7, 2]
     press(model, data, corner, taxels.normals[7])
     touched = {other for other in taxels.ids if data.sensor(other).data[0] > 0}
@@ -162,7 +168,7 @@ def test_a_press_in_a_slot_is_not_felt_by_the_cells_above_it(turn):
     middle = one.taxels.positions_link[0]
     other = moved(one, "other", turn, middle + (0, 0, 0.06) - turn @ middle)
     calibration = small_calibration(patches=(one, other))
-    model, data = pressed(calibration)
+    model, data = with_body(spec_of(calibration))
     taxels = taxels_of(calibration)
     assert model.nbody == 4  # the world, the link, its cells above the others, the sphere
     for row, name in enumerate(taxels.ids):
@@ -174,19 +180,19 @@ def test_a_press_in_a_slot_is_not_felt_by_the_cells_above_it(turn):
 
 def test_cells_of_a_convex_link_are_in_one_body():
     """No normal meets another cell: world, link and sphere are all bodies."""
-    assert pressed(small_calibration(patches=(sheet(4, 20, 0.01),)))[0].nbody == 3
+    assert with_body(spec_of(small_calibration(patches=(sheet(4, 20, 0.01),))))[0].nbody == 3
 
 
 def test_patches_without_a_mesh_have_touch_sensors():
     """Two boards, or one straight row of cells, give no mesh; one row around a bend does."""
     straight = sheet(5, 1, 0.01)
-    assert pressed(small_calibration(patches=(sheet(1, 3, 0.01),)))[0].nmesh == 0
+    assert spec_of(small_calibration(patches=(sheet(1, 3, 0.01),))).compile().nmesh == 0
     calibration = small_calibration(patches=(sheet(1, 5, 0.01), boards(5)))
-    model, data = pressed(calibration)
+    model, data = with_body(spec_of(calibration))
     assert (model.nmesh, model.nsensor) == (1, 8)
     press(model, data, calibration.patches[1].taxels.positions_link[1], np.array([0, 0, 1.0]))
     assert data.sensor("h1").data[0] > 0 and data.sensor("h0").data[0] == 0
-    model, data = pressed(small_calibration(patches=(straight,)))
+    model, data = with_body(spec_of(small_calibration(patches=(straight,))))
     assert (model.nmesh, model.nsensor) == (0, 5)
 
 

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from skin_calib_addon.calibration.exchange import FORMATS
-from skin_calib_addon.calibration.exchange.link_taxels import taxels_of
 from skin_calib_addon.cli import main
 from tests.unit.calibration.exchange import test_export_mujoco
-from tests.unit.calibration.exchange.test_export_mujoco import DEPTH, RADIUS, curved_and_flat, mujoco
+from tests.unit.calibration.exchange.test_export_mujoco import DEPTH, RADIUS, curved_and_flat, mujoco, plate_on
 from tests.unit.robot import test_robot_mjcf
 
 fitted, robot = test_robot_mjcf.fitted, test_robot_mjcf.robot
@@ -78,21 +77,6 @@ def test_warp_has_the_forces_of_a_robot(warp, robot, capsys):
     expected, found = forces(warp, model, data)
     assert np.count_nonzero(expected) == 12
     np.testing.assert_allclose(found, expected, rtol=0, atol=SINGLE)
-
-
-def plate_on(calibration, rows):
-    """Yield a model and its data with a plate that presses on some taxels, one after the other."""
-    spec, taxels = mujoco.MjSpec.from_string(FORMATS["mjcf"].write(calibration).decode()), taxels_of(calibration)
-    plate = spec.worldbody.add_body(name="plate")
-    plate.add_freejoint()
-    plate.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.3, 0.3, 0.01], mass=1)
-    spec.option.gravity = [0, 0, 0]
-    model = spec.compile()
-    data, turn = mujoco.MjData(model), np.zeros(4)
-    for row in rows:
-        mujoco.mju_quatZ2Vec(turn, taxels.normals[row])
-        data.qpos[:] = [*(taxels.positions[row] + (0.01 - DEPTH) * taxels.normals[row]), *turn]
-        yield model, data
 
 
 def test_warp_has_the_forces_of_a_plate_to_its_precision(warp):
