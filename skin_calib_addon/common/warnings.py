@@ -93,9 +93,9 @@ def worst_first(warnings: Iterable[Warning]) -> list[Warning]:
     return sorted(warnings, key=lambda w: (SEVERITIES.index(w.severity), rank.get(w.code, len(ORDER))))
 
 
-def point_of(point: Array) -> tuple[float, float, float]:
-    """Return a point (3,) [m] as a tuple of floats for a `Place`."""
-    x, y, z = (float(c) for c in point)
+def point_of(vector: Array) -> tuple[float, float, float]:
+    """Return a point or a direction (3,) as a tuple of floats, for records."""
+    x, y, z = (float(c) for c in vector)
     return x, y, z
 
 

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from ..calibration.model import LinkCalibration, Patch, Registration, Touched
 from ..common.arrays import Array
 from ..common.errors import InvalidPlan, listed
+from ..common.warnings import point_of
 from ..geometry.blas_threads import one_blas_thread
 from ..plan import Plan
 from ..plan.skins import BoardSkin, ImportedSkin, Registered, SheetSkin, Skin, spot_of
@@ -168,7 +169,7 @@ def _touched(
         shift=(float(made.shift[0]), float(made.shift[1])),
         turn=float(made.turn),
         covariance=triples(covariance),
-        anchor=_triple(link_point(placement.patch, motion.middle)),
+        anchor=point_of(link_point(placement.patch, motion.middle)),
         along=along or 0.0,
         normal=normal,
         angle=angle,
@@ -182,7 +183,7 @@ def today() -> str:
 
 def triples(rows: Array) -> tuple[tuple[float, float, float], ...]:
     """Return the rows (n, 3) of a matrix."""
-    return tuple(map(_triple, rows))
+    return tuple(map(point_of, rows))
 
 
 def rms(values: Array | list[float]) -> float | None:
@@ -210,7 +211,7 @@ def moved(skin: Skin, patch: Patch, motion: Motion) -> Skin:
     assert not isinstance(skin, ImportedSkin)  # which has no motion
     if isinstance(skin, SheetSkin) and skin.landmarks:
         marks = tuple(
-            Landmark(mark.cell, _triple(np.array(mark.point) + _step(patch, mark.cell, motion)))
+            Landmark(mark.cell, point_of(np.array(mark.point) + _step(patch, mark.cell, motion)))
             for mark in skin.landmarks
         )
         return replace(skin, landmarks=marks, direction=_turned(skin.direction, patch, marks[0].cell, motion))
@@ -232,7 +233,7 @@ def _root(skin: SheetSkin | BoardSkin, patch: Patch, motion: Motion) -> tuple[An
         origin, direction = np.array(skin.origin), np.array(skin.direction or direction)
     elif tuple(taxels.index[row]) != root:
         raise InvalidPlan(f"skin {skin.name!r} is centred and has no cell (0, 0). Give it an origin first.")
-    return _triple(origin + _step(patch, root, motion)), _turned(direction, patch, root, motion)
+    return point_of(origin + _step(patch, root, motion)), _turned(direction, patch, root, motion)
 
 
 def _row_near(patch: Patch, cell: tuple[int, int]) -> int:
@@ -250,9 +251,4 @@ def _step(patch: Patch, cell: tuple[int, int], motion: Motion) -> Array:
 def _turned(direction: Any, patch: Patch, cell: tuple[int, int], motion: Motion) -> Any:
     """Return a direction at a cell, rotated about the normal."""
     normal = patch.taxels.normals_link[_row_near(patch, cell)]
-    return _triple(Rotation.from_rotvec(motion.turn * normal).apply(np.array(direction)))
-
-
-def _triple(vector: Array) -> tuple[float, float, float]:
-    x, y, z = vector.tolist()
-    return x, y, z
+    return point_of(Rotation.from_rotvec(motion.turn * normal).apply(np.array(direction)))

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..common.errors import SkinCalibError
-from ..common.warnings import Warning
+from ..common.warnings import Warning, point_of
 from ..geometry.grid.cut_planes import cut_normal
 from ..geometry.grid.grids import Grid, Sector, Tube
 from ..geometry.mesh.cover import Cut
@@ -37,8 +37,8 @@ def _cut(surface: Surface, mesh: TriangleMesh, problem: Warning) -> Surface | No
     point, axis = problem.where.point, surface.grid.region.axis if isinstance(surface.grid, Grid) else None
     if point is None:
         return None
-    x, y, z = cut_normal(mesh, np.array(point), None if axis is None else np.array(axis.direction)).tolist()
-    return replace(surface, cover=replace(surface.cover, cuts=(*surface.cover.cuts, Cut(point, (x, y, z)))))
+    normal = point_of(cut_normal(mesh, np.array(point), None if axis is None else np.array(axis.direction)))
+    return replace(surface, cover=replace(surface.cover, cuts=(*surface.cover.cuts, Cut(point, normal))))
 
 
 def _sector(surface: Surface, _mesh: TriangleMesh, _problem: Warning) -> Surface | None:

@@ -8,6 +8,7 @@ import numpy as np
 from ..calibration.model import TaxelArray
 from ..common.arrays import BoolArray
 from ..common.errors import InvalidPlan
+from ..common.warnings import point_of
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.mesh.visibility import are_seen
@@ -29,10 +30,10 @@ def boards_on(template: BoardSkin, fit: SurfaceFit) -> tuple[BoardSkin, TaxelArr
     surface, more = fit.error_field.surface, (template.offset, fit, tuple(template.excluded))
     boards = Layout.of(surface, template.lattice, None, None, *more).densest()
     (root,) = np.flatnonzero((boards.cells == 0).all(axis=1)).tolist()
-    x, y, z = np.round(surface.points(boards.uv[[root]])[0], DECIMALS).tolist()
-    a, b, c = np.round(boards.tangents[root], DECIMALS).tolist()
-    listing = kept_layout(surface, template.lattice, (x, y, z), (a, b, c), *more).listing(boards)
-    skin = replace(template, choice=listing, origin=(x, y, z), direction=(a, b, c))
+    origin = point_of(np.round(surface.points(boards.uv[[root]])[0], DECIMALS))
+    direction = point_of(np.round(boards.tangents[root], DECIMALS))
+    listing = kept_layout(surface, template.lattice, origin, direction, *more).listing(boards)
+    skin = replace(template, choice=listing, origin=origin, direction=direction)
     return skin, place_skin(skin, fit, 0).patch.taxels
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..common.arrays import Array, BoolArray, unit
+from ..common.warnings import point_of
 from ..geometry.grid.axis import Axis
 from ..geometry.grid.grids import Across, Region, Tube
 from ..geometry.mesh.cover import CoverSpec, Cut, cut_cover
@@ -151,9 +152,7 @@ def cuts_in_front(on: LinkPoints, normal: Array, least: float) -> Iterator[Cut]:
         if behind[most] < least:
             return
         level = float(np.round((levels[order[most]] + levels[order[most + 1]]) / 2, CUT_DECIMALS))
-        x, y, z = (np.round(level * normal, DECIMALS) + 0.0).tolist()
-        a, b, c = (0.0 - normal).tolist()
-        yield Cut((x, y, z), (a, b, c))
+        yield Cut(point_of(np.round(level * normal, DECIMALS) + 0.0), point_of(0.0 - normal))
         others = (begin > level) | (end < level)
         begin, end, areas = begin[others], end[others], areas[others]
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..common.arrays import Array
 from ..common.errors import InvalidPlan
+from ..common.warnings import point_of
 from ..geometry.grid.axis import Axis
 from ..geometry.grid.grids import Across, PlanesGrid, Region, Sector, Tube, Vector, sector_frame
 from ..geometry.mesh.cover import Cut
@@ -102,5 +103,4 @@ def _direction(direction: Vector, twin: Twin) -> Vector:
 
 
 def _rounded(vector: Array) -> Vector:
-    x, y, z = (np.round(vector, DECIMALS) + 0.0).tolist()
-    return x, y, z
+    return point_of(np.round(vector, DECIMALS) + 0.0)

@@ -14,6 +14,7 @@ from ..common.arrays import Array, BoolArray
 from ..common.errors import InvalidPlan, SkinCalibError
 from ..common.strict_json import parse, read
 from ..common.text import real
+from ..common.warnings import point_of
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline.place_skins import place_skin, sheet_patch
@@ -211,10 +212,9 @@ def widest_place(fit: SurfaceFit) -> tuple[Array, tuple[float, float, float], Ar
     steps = site_steps(np.where(trusted[..., None], points, np.nan))
     depth = ndimage.distance_transform_edt(wide, sampling=steps)[1:-1, first : first + m]
     i, j = np.unravel_index(int(depth.argmax()), depth.shape)
-    x, y, z = np.round(points[i, j], DECIMALS).tolist()
     derivatives = fit.surface.derivatives(uv[i, j][None])
     tangents = np.stack((derivatives[1, 0][0], derivatives[0, 1][0]))
-    return uv[i, j], (x, y, z), tangents / np.linalg.norm(tangents, axis=1)[:, None]
+    return uv[i, j], point_of(np.round(points[i, j], DECIMALS)), tangents / np.linalg.norm(tangents, axis=1)[:, None]
 
 
 def iso_length(fit: SurfaceFit, uv: Array, axis: int) -> float:

@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from ..common.arrays import Array, BoolArray, pairs_of, unit
 from ..common.errors import SkinCalibError
+from ..common.warnings import point_of
 from ..geometry.fit.auto import fit_grid
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.grid.axis import Axis
@@ -201,8 +202,8 @@ def bounded_region(region: Region, trial: Trial, loops: Loops) -> Region:
     if isinstance(region, Across):
         assert isinstance(trial.parametrization, FaceParametrization)
         # Rows along a rounded direction, so that small differences of the mesh do not turn them.
-        x, y, z = np.round(trial.parametrization.along, DECIMALS).tolist()
-        return replace(region, axis=axis_along((x, y, z)), boundary=loops)
+        along = point_of(np.round(trial.parametrization.along, DECIMALS))
+        return replace(region, axis=axis_along(along), boundary=loops)
     assert region.axis is not None
     frame = sector_frame(region.axis)
     x, y = frame.across(trial.points[trial.good] - frame.point).T

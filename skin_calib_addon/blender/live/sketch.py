@@ -9,6 +9,7 @@ import numpy as np
 from ...common.arrays import Array, unit
 from ...common.colours import GREEN, PINK, VERMILLION, YELLOW
 from ...common.errors import InvalidPlan
+from ...common.warnings import point_of
 from ...geometry.grid.grids import PlanesGrid
 from ...geometry.mesh.clustering import coarse_mesh
 from ...geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, seen_faces, shells_after
@@ -72,7 +73,7 @@ def _check_order(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> None
 def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes, coarse: bool) -> TriangleMesh:
     """Draw the removed parts; return the mesh without them, or the mesh itself if no other planes need it."""
     valid = [i for i in range(len(planes.points("CUT"))) if ("CUT", i) not in sketch.wrong]
-    cuts = [Cut(_triple(planes.points("CUT")[i]), _triple(unit(planes.normals("CUT")[i]))) for i in valid]
+    cuts = [Cut(point_of(planes.points("CUT")[i]), point_of(unit(planes.normals("CUT")[i]))) for i in valid]
     removed, complete = _removed(mesh, CoverSpec(planes.shell, tuple(cuts)), coarse)
     _draw(sketch, "CUT", _seen(mesh, planes.shell), planes, "removes nothing")
     for k in complete:
@@ -120,11 +121,6 @@ def _removed(mesh: TriangleMesh, spec: CoverSpec, coarse: bool = False) -> tuple
         shell = np.unique(shells_after(mesh, planes)[of], return_inverse=True)[1]
         removed.append(kept.triangles[~are_outer(kept, shell)])
     return np.concatenate(removed).reshape(-1, 3).astype(np.float32), tuple(complete)
-
-
-def _triple(vector: Array) -> tuple[float, float, float]:
-    x, y, z = vector.tolist()
-    return x, y, z
 
 
 def _sections(mesh: TriangleMesh, points: Array, normals: Array) -> list[Array]:

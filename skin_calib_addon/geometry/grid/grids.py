@@ -187,8 +187,7 @@ class Across(Region):
 
     def _about_axis_of(self, before: Parametrization, mesh: TriangleMesh) -> FaceParametrization:
         assert isinstance(before, FaceParametrization)
-        x, y, z = before.along.tolist()
-        return replace(self, axis=axis_along((x, y, z))).parametrization(mesh)
+        return replace(self, axis=axis_along(point_of(before.along))).parametrization(mesh)
 
     def _along(self, triangles: Array, up: Array) -> Array:
         """Return the unit direction in the face, whose triangles are given, that the u-planes are perpendicular to."""
