@@ -2,12 +2,11 @@
 
 from .document import plan_document, plan_from
 from .file import check_plan, check_plan_wholly, load_plan, save_plan
-from .keys import FORMAT, PLAN_VERSION
+from .keys import FORMAT
 from .plan import Plan, named_from
 
 __all__ = [
     "FORMAT",
-    "PLAN_VERSION",
     "Plan",
     "check_plan",
     "check_plan_wholly",

@@ -3,13 +3,11 @@
 from .directions import Directions, directions_of
 from .placement import Placement, placements
 from .planning import next_touch
-from .registration import Motion
 from .summary import summarize
 from .touches import Touches, read_touches
 
 __all__ = [
     "Directions",
-    "Motion",
     "Placement",
     "Touches",
     "directions_of",

@@ -1,6 +1,6 @@
 """Read taxels from the files of other programs, and write calibrations to them. NumPy only."""
 
-from .formats import FORMATS, WRITABLE, Format, listed
+from .formats import FORMATS, WRITABLE, listed
 from .link_taxels import only_patches
 from .reading import READABLE, read_taxels
 from .table import write_taxel_set
@@ -10,7 +10,6 @@ __all__ = [
     "FORMATS",
     "READABLE",
     "WRITABLE",
-    "Format",
     "TaxelSet",
     "listed",
     "only_patches",

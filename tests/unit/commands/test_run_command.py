@@ -14,8 +14,9 @@ import pytest
 from skin_calib_addon.calibration import Modality, ResponseTable, load_calibration, save_calibration
 from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import CalibrationFormatError, OutputError, SkinCalibError
-from skin_calib_addon.live import FileInput, UdpOutput
+from skin_calib_addon.live.inputs import FileInput
 from skin_calib_addon.live.loop import Status
+from skin_calib_addon.live.outputs import UdpOutput
 from skin_calib_addon.runtime import Skin, load
 from tests.live.running import REST, ROOT, N, free_port, rows, sole
 from tests.samples import sheet, small_calibration
