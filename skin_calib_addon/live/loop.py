@@ -85,11 +85,11 @@ def run(
     source: Input,
     outputs: Sequence[Output],
     status: Status,
-    report: Callable[[str], None] = print,
-    is_stopped: Callable[[], bool] = lambda: False,
-    rest: int = 0,
-    tare: Callable[[list[Array]], str] | None = None,
-    by_arrival: bool = False,
+    report: Callable[[str], None],
+    is_stopped: Callable[[], bool],
+    rest: int,
+    tare: Callable[[list[Array]], str],
+    by_arrival: bool,
 ) -> None:
     """Publish a frame for each reading until the source ends, or the run is stopped.
 
@@ -107,7 +107,7 @@ def run(
                 output.send(topic, data, at, cycle)
 
     readings = _readings(source, status, report, is_stopped, by_arrival)
-    if tare is not None and rest:
+    if rest:
         rows = [values[FORCE] for _, _, values in islice(readings, rest)]
         if len(rows) < rest and not is_stopped():
             raise SkinCalibError(f"the input ended after {len(rows)} of the {rest} readings at rest. Use fewer")

@@ -72,7 +72,7 @@ def rerun_bytes(
     skin: Skin,
     frames: Sequence[Frame],
     seconds: Array,
-    mesh: tuple[Array, IntArray] | None = None,
+    mesh: tuple[Array, IntArray] | None,
 ) -> bytes:
     """Return frames at times since the first one [s] as a file of Rerun."""
     view = RerunView(calibration, skin, frames, mesh)
