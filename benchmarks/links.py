@@ -5,7 +5,7 @@ All except the bundled wrist are in ``../shared/data`` next to the project, and 
 
 import importlib.util
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -114,12 +114,6 @@ class Fan:
 def has_shapes() -> bool:
     """Return whether the shapes with a known surface and the real links are present."""
     return SHARED.is_dir()
-
-
-def all_links() -> Iterator[Link]:
-    """Yield the bundled wrist, and where the data is present, the shapes and the real links."""
-    for name in present_links():
-        yield link_of(name)
 
 
 def present_links() -> list[str]:

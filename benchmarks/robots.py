@@ -63,7 +63,6 @@ LIFT = 1e-3  # [m] above the surface, from where a taxel looks outward
 PARTNERS = 1e-3  # [m] distance of a taxel from the mirror image of another one up to which they belong together
 TOUCHING = 2e-5  # [m] depth of an overlap that does not count
 STEEP = 15.0  # [degrees] that a normal may be off
-MIN_FREE = 30.0  # [cm^2] of a link that needs a plan or a reason
 RINGS = (0.4, 0.7, 0.95)  # [1] of the radius of a cell, at which the mesh below it is examined
 PRESSES = 200
 CYCLES = 200
