@@ -5,6 +5,7 @@ import os
 import re
 
 from .errors import CalibrationFormatError
+from .findings import show
 from .plain_text import DecodingError, decoded
 from .strict_json import read
 
@@ -68,17 +69,12 @@ def real(word: str) -> float:
         if math.isfinite(number):
             return number
     elif not _NOT_FINITE.fullmatch(word):
-        raise NumberError("number", f"has {shown(word)} instead of a number")
-    raise NumberError("not-finite", f"has {shown(word)} instead of a finite number")
+        raise NumberError("number", f"has {show(word)} instead of a number")
+    raise NumberError("not-finite", f"has {show(word)} instead of a finite number")
 
 
 def whole(word: str) -> int:
     """Return the integer that a word represents."""
     if not _WHOLE.fullmatch(word):
-        raise NumberError("number", f"has {shown(word)} instead of an integer")
+        raise NumberError("number", f"has {show(word)} instead of an integer")
     return int(word)
-
-
-def shown(word: str) -> str:
-    """Shorten and quote a word of a file for a message."""
-    return repr(word if len(word) <= 40 else word[:39] + "…")

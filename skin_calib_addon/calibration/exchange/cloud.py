@@ -7,7 +7,7 @@ import numpy as np
 
 from ...common.findings import FoundError, show
 from ...common.plain_text import DecodingError, decoded
-from ...common.text import MAX_TAXELS, NumberError, real, shown
+from ...common.text import MAX_TAXELS, NumberError, real
 from ..model import MAX_CHANNEL, LinkCalibration
 from .link_taxels import refuse_labels, taxels_of
 from .table import NORMAL, POSITION, SIGMA
@@ -172,5 +172,5 @@ def lines_of(data: bytes) -> str:
 def count_of(word: str, number: int) -> int:
     """Return the number of points that a header announces."""
     if not word.isdecimal() or len(word) > 9 or int(word) > MAX_TAXELS:
-        raise FoundError("size", line(number), f"announces {shown(word)} points; the limit is {MAX_TAXELS}")
+        raise FoundError("size", line(number), f"announces {show(word)} points; the limit is {MAX_TAXELS}")
     return int(word)

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...common.errors import CalibrationFormatError
 from ...common.findings import Finding, error, first, show, warning
-from ...common.text import MAX_TAXELS, NumberError, real, shown, whole
+from ...common.text import MAX_TAXELS, NumberError, real, whole
 from ..model import LinkCalibration
 from .link_taxels import taxels_of
 from .taxel_set import Draft, line
@@ -86,7 +86,7 @@ def _compare_table(draft: Draft, number: int, content: str) -> Iterator[Finding]
     try:
         table = np.array([whole(word) for word in words], np.int64)
     except NumberError as problem:
-        yield error(problem.code, line(number), f"{problem} in {TABLE}", shown(content))
+        yield error(problem.code, line(number), f"{problem} in {TABLE}", show(content))
         return
     rows = len(draft.positions)
     taxel = np.array(draft.positions).any(axis=1) | np.array(draft.normals).any(axis=1)

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 
 from ...common.findings import FoundError, show, warning
-from ...common.text import shown
 from ..model import LinkCalibration
 from .cloud import Points, cloud_of, count_of, lines_of, read_points
 from .taxel_set import Draft, line
@@ -49,7 +48,7 @@ def read_ply(data: bytes) -> Draft:
     points = Points(header.count, header.names, types, data[stop:], len(head), header.comments, header.only_points)
     draft = read_points(points)
     if header.faces is not None:
-        message = f"announces {shown(header.faces[1])} faces: if this is a mesh, its vertices are read as taxels"
+        message = f"announces {show(header.faces[1])} faces: if this is a mesh, its vertices are read as taxels"
         draft.findings.append(warning("faces", line(header.faces[0]), message))
     return draft
 

@@ -7,7 +7,7 @@ from xml.parsers import expat
 from ...common.errors import listed
 from ...common.findings import FoundError, show
 from ...common.plain_text import BLOCK_LENGTH
-from ...common.text import NumberError, real, shown, whole
+from ...common.text import NumberError, real, whole
 from .taxel_set import line
 
 # Larger values of the next three: more memory for a malicious file.
@@ -64,7 +64,7 @@ class Node:
     def number(self) -> float:
         """Return the number that is the text of the element; raise XmlError if it is none, not finite, or too long."""
         if len(self.text) == MAX_TEXT_LENGTH:  # only its beginning may be kept, without the exponent
-            message = f"has {shown(self.text)} instead of a number of less than {MAX_TEXT_LENGTH} characters"
+            message = f"has {show(self.text)} instead of a number of less than {MAX_TEXT_LENGTH} characters"
             raise XmlError("number", self.line, message)
         try:
             return real(self.text.strip())

@@ -64,12 +64,12 @@ def run(robot, command):
 
 
 BAD = {
-    "limit": ({"joint": '<limit lower="low" upper="1"/>'}, "line 3 has 'low' instead of a number (limit lower)"),
+    "limit": ({"joint": '<limit lower="low" upper="1"/>'}, 'line 3 has "low" instead of a number (limit lower)'),
     "reversed limit": (
         {"joint": '<limit lower="1" upper="-1"/>'},
         "line 3 has the lower limit 1 above the upper one, -1; swap them",
     ),
-    "nan": ({"joint": '<origin xyz="nan 0 0"/>'}, "line 3 has 'nan' instead of a finite number (origin xyz)"),
+    "nan": ({"joint": '<origin xyz="nan 0 0"/>'}, 'line 3 has "nan" instead of a finite number (origin xyz)'),
     "far": ({"joint": '<origin xyz="0 -1e200 0"/>'}, "line 3 has -1e+200, which is too large (origin xyz)"),
 }
 

@@ -147,7 +147,7 @@ def test_picture_shows_curve_and_residuals(folder):
         ("reading,force,Reading\n1,2,3\n", 'line 1, column 3: the header names the column "reading" twice'),
         ("reading,force\n", "line 1, column 1: the table has no row below its header"),
         ("reading,force\n1,2\n\n# so\n1,2,3\n", "line 5, column 3: the row has 3 columns, but the header has 2"),
-        ("reading\tforce\n1\t2\nx\t3\n", "line 3, column 1: has 'x' instead of a number"),
+        ("reading\tforce\n1\t2\nx\t3\n", 'line 3, column 1: has "x" instead of a number'),
         ("reading,force\n1,2\n-2e12,3\n", "line 3, column 1: the number -2e+12 is not plausible; absolute values"),
         ("force,taxel,reading\n1,s0.0,2\n1,s0,2\n", 'line 3, column 2: the calibration has no taxel "s0"; did'),
         ('reading,force\n1,"2\n', "line 2: is not a row of a table: "),

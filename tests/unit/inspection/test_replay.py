@@ -163,7 +163,7 @@ def test_replay_takes_rest_and_thresholds(calibration, tmp_path, capsys):
         ("\n", "line 1: the header has no time; it has none. Name a column 'time'"),
         (f"u,{NAMES}\n1,2\n", "line 1: the header has no time; it has .*, "),
         (f"time,{NAMES},c0\n0,1,2,3\n", "line 1: the header names c0 twice"),
-        (f"time,{NAMES}\n0,1\n1,x\n", "line 3, column 2: has 'x' instead of a number"),
+        (f"time,{NAMES}\n0,1\n1,x\n", 'line 3, column 2: has "x" instead of a number'),
         (f'time,{NAMES}\n0,"1\n', "is not a row of a table"),
         ('time,"a\n', "line 1: is not a row of a table"),
     ],

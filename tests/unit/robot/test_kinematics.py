@@ -134,8 +134,8 @@ def test_robot_that_is_no_tree_is_refused(case, tmp_path):
 BAD_JOINTS = {
     "axis": ('\n<axis xyz="0 0 0"/>', "line 4 has an axis of length 0; write the direction"),
     "two numbers": ('<axis xyz="0 1"/>', r"line 3 has 2 numbers instead of 3 \(axis xyz\)"),
-    "origin": ('<origin xyz="0 0 nan"/>', r"line 3 has 'nan' instead of a finite number \(origin xyz\)"),
-    "limit": ('<limit lower="-pi" upper="1"/>', r"line 3 has '-pi' instead of a number \(limit lower\)"),
+    "origin": ('<origin xyz="0 0 nan"/>', r'line 3 has "nan" instead of a finite number \(origin xyz\)'),
+    "limit": ('<limit lower="-pi" upper="1"/>', r'line 3 has "-pi" instead of a number \(limit lower\)'),
     "limits": ('<limit upper="1 2"/>', r"line 3 has 2 numbers instead of 1 \(limit upper\)"),
     "mimic": ('<mimic joint="z"/>', 'line 3 follows the joint "z", which the file does not have'),
     "mimics": ('<mimic joint="a"/>', "line 3 is in a cycle of joints that follow each other: a"),

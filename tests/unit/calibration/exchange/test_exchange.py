@@ -173,11 +173,11 @@ def test_tum_patch_without_pose_stays_in_its_root_cell(read):
         (("SkinConfig", "Skin"), "syntax", 'starts "Skin"; the root element must be SkinConfig'),
         (("rot>", "tor>"), "missing", "starts an element tf_rootCell_base without rot"),
         (('<cell id="5"', "<cell"), "missing", "starts an element cell without the attribute id"),
-        (('<cell id="5"', '<cell id="five"'), "number", "has 'five' instead of an integer (cell id)"),
+        (('<cell id="5"', '<cell id="five"'), "number", 'has "five" instead of an integer (cell id)'),
         (('<cell id="6"', '<cell id="5"'), "duplicate-label", 'repeats the label "5" of line'),
         (('row="2" col="0">0.0<', 'row="3" col="0">0.0<'), "size", "contains element (3, 0) of pos, which is 3 x 1"),
         (('row="2" col="0">0.0<', 'row="1" col="0">0.0<'), "missing", "starts a matrix without element (2, 0)"),
-        (('row="2" col="0">0.0<', 'row="2" col="0">NaN<'), "not-finite", "has 'NaN' instead of a finite number"),
+        (('row="2" col="0">0.0<', 'row="2" col="0">NaN<'), "not-finite", 'has "NaN" instead of a finite number'),
         (('row="2" col="2">1.0<', 'row="2" col="2">-1.0<'), "rotation", "has a matrix rot that is not a rotation"),
         (('row="2" col="2">1.0<', 'row="2" col="2">1e300<'), "rotation", "has a matrix rot that is not a rotation"),
         (("0.0<", f"1.{'3' * 70}e-9<"), "number", "instead of a number of less than 64 characters"),
@@ -272,12 +272,12 @@ def test_frame_of_a_table_is_the_one_that_all_rows_name(read):
         (("nx,ny,nz", "nx,ny,nu"), "missing-column", "line 1", 'has no column "nz"; did you mean'),
         (("x,y,z,nx", "x,y,y,nx"), "duplicate-column", "line 1", 'names the column "y" twice'),
         (("\n", "\n,"), "row", "line 2", "has 7 columns, but the header has 6"),
-        (("\n0.03", "\nabc"), "number", "line 2", "has 'abc"),
-        (("\n0.03", "\n1_0.03"), "number", "line 2", "has '1_0.03"),
+        (("\n0.03", "\nabc"), "number", "line 2", 'has "abc'),
+        (("\n0.03", "\n1_0.03"), "number", "line 2", 'has "1_0.03'),
         (("\n0.03", "\n０.03"), "number", "line 2", "instead of a number"),
-        (("\n0.03,", "\n1e400,"), "not-finite", "line 2", "has '1e400'"),
+        (("\n0.03,", "\n1e400,"), "not-finite", "line 2", 'has "1e400"'),
         (("\n0.03", "\n "), "number", "line 2", "instead of a number"),
-        (("\n0.03,", "\nnan,"), "not-finite", "line 2", "has 'nan' instead of a finite number"),
+        (("\n0.03,", "\nnan,"), "not-finite", "line 2", 'has "nan" instead of a finite number'),
         (("\n0.03,", "\n50,"), "units", "line 2", "divide lengths by 1000 if they are in millimetres"),
         (("\n0.03", '\n"0.03'), "syntax", "line 2", "is not a row of a table: unexpected end of data"),
     ],
@@ -292,7 +292,7 @@ def test_table_reader_reports_errors_with_lines(read, change, code, place, words
     ("header", "row", "code", "words"),
     [
         ("channel,x,y,z", "-1,0,0,1", "channel", "has the channel -1; use 0 to 2147483647"),
-        ("channel,x,y,z", "1.5,0,0,1", "number", "has '1.5' instead of an integer"),
+        ("channel,x,y,z", "1.5,0,0,1", "number", 'has "1.5" instead of an integer'),
         ("channel,x,y,z", "7,0,0,1\n7,0,1,1", "duplicate-channel", "repeats the channel 7 of line 2"),
         ("id,x,y,z", "a,0,0,1\na,0,1,1", "duplicate-label", 'repeats the label "a" of line 2'),
         ("id,x,y,z", " ,0,0,1", "label", 'has the label ""; use 1 to 200 printable characters'),
@@ -320,7 +320,7 @@ def test_neighbours_of_a_table_are_channels(read):
     assert taxels.neighbours == (("b", "c"), ("a",), ()) and taxels.findings == ()
     taxels = read(table.replace("7 9", "7 8"))
     assert taxels.neighbours == (("b",), ("a",), ()) and codes(taxels) == {"unknown-neighbour": "line 2"}
-    with pytest.raises(CalibrationFormatError, match="line 2 has 'b' instead of an integer"):
+    with pytest.raises(CalibrationFormatError, match='line 2 has "b" instead of an integer'):
         read(table.replace("7 9", "b"))
 
 
@@ -382,7 +382,7 @@ def test_taxels_of_tactile_sensors_are_read(read):
 @pytest.mark.parametrize(
     ("content", "change", "code", "words"),
     [
-        (robot_text(PLACES), ('xyz="0.03 0.0', 'xyz="${r} 0.0'), "number", "has '${r}' instead of a number (xyz)"),
+        (robot_text(PLACES), ('xyz="0.03 0.0', 'xyz="${r} 0.0'), "number", 'has "${r}" instead of a number (xyz)'),
         (robot_text(PLACES), ('xyz="0.03 0.0', 'xyz="0.03'), "number", "has 2 numbers in xyz; it must have three"),
         (
             robot_text(PLACES),
@@ -455,7 +455,7 @@ def test_binary_ply_is_read(read, order, kind):
     taxels = read(head.encode() + table.tobytes() + b"\x03" + bytes(12))
     assert_allclose(taxels.positions, ROUND, rtol=0, atol=1e-8 if kind == "f4" else 0)
     assert taxels.channels.tolist() == list(range(300, 312)) and taxels.labels[0] == "300"
-    assert codes(taxels) == {"faces": "line 12"} and "announces '1' faces" in str(taxels.findings[0])
+    assert codes(taxels) == {"faces": "line 12"} and 'announces "1" faces' in str(taxels.findings[0])
     assert read(head.replace("face 1", "face 0").encode() + table.tobytes()).findings == ()
     with pytest.raises(CalibrationFormatError, match="is truncated: the header announces 12 points, 11 were found"):
         read(head.encode() + table.tobytes()[:-1])
@@ -488,7 +488,7 @@ def test_viewpoint_of_a_cloud_is_reported(read):
         (ply_text(ROUND), ("end_header", "ende"), "has a header without end"),
         (ply_text(ROUND), ("format ascii", "format ebcdic"), "has a header without format or vertices"),
         (ply_text(ROUND), ("vertex 12", "vertex 20"), "is truncated: the header announces 20 points, 13 were found"),
-        (ply_text(ROUND), ("vertex 12", "vertex 1e9"), "line 4 announces '1e9' points; the limit is 100000"),
+        (ply_text(ROUND), ("vertex 12", "vertex 1e9"), 'line 4 announces "1e9" points; the limit is 100000'),
         (ply_text(ROUND), ("vertex 12", "vertex 0"), "contains no point"),
         (ply_text(ROUND), ("element vertex", "element edge 1\nelement vertex"), 'names "edge" before the vertices'),
         (ply_text(ROUND), ("property float x", "property list uchar int x"), "defines a list for vertices"),
