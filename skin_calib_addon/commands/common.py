@@ -19,7 +19,6 @@ DONE = 0  # Contract: exit code
 WRONG_DATA = 1  # Contract: exit code if a file or its content cannot be used
 WRONG_CALL = 2  # Contract: exit code of argparse
 INTERRUPTED = 130  # Contract: exit code of shells after Ctrl+C
-FIT_WITH_URDF = "Fit the plans with it: skin-calib fit ROBOT.urdf PLANS -o FOLDER"
 PICTURES = (".png", ".pdf", ".svg", ".jpg")  # endings of pictures
 
 

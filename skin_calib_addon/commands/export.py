@@ -14,23 +14,20 @@ from ..calibration.model import LinkCalibration
 from ..calibration.robot_set import (
     FILE,
     UrdfFile,
-    changed_urdf,
     examined,
     is_robot,
     load_links,
-    load_robot_set,
     robot_bytes,
     robot_file,
 )
 from ..common.atomic_file import check_writable, make_folder, write_bytes_safely, write_folder_safely
-from ..common.errors import OutputError, SkinCalibError, counted
+from ..common.errors import OutputError, counted
 from ..common.strict_json import read
 from ..common.warnings import Warning, worst_first
+from ..pipeline.robot_folder import load_with_urdf
 from ..robot.mjcf import MARK, robot_mjcf
-from ..robot.urdf import read_robot
 from .common import (
     DONE,
-    FIT_WITH_URDF,
     WRONG_DATA,
     check_outputs,
     check_target,
@@ -109,14 +106,10 @@ def _export_robot(options: argparse.Namespace) -> int:
     if options.to not in ROBOT_FORMATS or options.patch:
         names = " or ".join(ROBOT_FORMATS)
         raise OutputError(f"A robot is exported as {names}, with all patches. For others, name a calibration.")
-    robot, folder, calibrations, findings = examined(options.file)
-    if robot.urdf is None:
-        raise SkinCalibError(f"{FILE} names no URDF. {FIT_WITH_URDF}")
+    robot, urdf, content, outdated = load_with_urdf(options.file)
+    _, folder, calibrations, findings = examined(options.file)
     problems = [f"{FILE}: {finding}" for finding in findings if finding.severity == "error"]
-    outdated = [f"{FILE}: {finding}" for finding in changed_urdf(robot, folder)]
-    urdf = folder / robot.urdf.file
     mesh_folder = options.output.with_name(f"{options.output.stem}_meshes")
-    content = read_robot(urdf)
     how = options.free_base, options.actuators, options.to == "mjcf"
     model = robot_mjcf(content, urdf, calibrations, mesh_folder.name, *how)
     inputs = [robot_file(options.file), urdf, *(folder / link.calibration for link in robot.links), *model.sources]
@@ -173,26 +166,24 @@ def _export_ros_package(options: argparse.Namespace) -> int:
         name, root, calibrations = package_name(calibration.link), calibration.link, {calibration.link: calibration}
         files = {URDF: FORMATS["urdf"].write(calibration), f"calibration/{options.file.name}": read(options.file)}
     else:
-        robot, folder = load_robot_set(options.file), robot_file(options.file).parent
-        if robot.urdf is None:
-            raise SkinCalibError(f"{FILE} names no URDF. {FIT_WITH_URDF}")
+        robot, urdf, content, outdated = load_with_urdf(options.file)
+        assert robot.urdf is not None
         calibrations, warnings = load_links(options.file)
-        urdf = read_robot(folder / robot.urdf.file)
-        outdated = [f"{FILE}: {finding}" for finding in changed_urdf(robot, folder)]
         problems += [
-            f"error: {link} is not a link of {urdf.file}: the description has no frames of its taxels"
+            f"error: {link} is not a link of {content.file}: the description has no frames of its taxels"
             for link in calibrations
-            if link not in urdf.links
+            if link not in content.links
         ]
-        name, root = package_name(robot.robot), urdf.root
+        name, root = package_name(robot.robot), content.root
         calibrations = {link: own for link, own in calibrations.items() if own.taxel_count}
-        known = {link: calibration for link, calibration in calibrations.items() if link in urdf.links}
-        described = with_taxels(folder / robot.urdf.file, urdf, known, name)
+        known = {link: calibration for link, calibration in calibrations.items() if link in content.links}
+        described = with_taxels(urdf, content, known, name)
         problems, depends = [*problems, *described.problems], described.packages
         # With the former hash, "check" repeats in the package that the URDF has changed.
         now = robot.urdf.sha256 if outdated else hashlib.sha256(described.text).hexdigest()
         moved = replace(robot, urdf=UrdfFile(f"../{URDF}", now))
         files = {URDF: described.text, **described.meshes, f"calibration/{FILE}": robot_bytes(moved)}
+        folder = robot_file(options.file).parent
         files |= {f"calibration/{link.calibration}": read(folder / link.calibration) for link in robot.links}
     write_folder_safely(options.output, package_files(name, root, calibrations, files, depends))
     warn(warnings)

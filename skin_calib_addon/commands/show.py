@@ -12,20 +12,12 @@ from ..common.errors import CalibrationFormatError, counted
 from ..common.findings import Finding, in_short, show
 from ..common.strict_json import parse, read
 from ..pipeline.report import area_table, covered_area, robot_table, seen_area, table
+from ..pipeline.robot_folder import FIT_WITH_URDF
 from ..robot.kinematics import link_poses
 from ..robot.link_mesh import load_urdf_meshes
 from ..robot.urdf import read_robot
 from ..runtime import noise_file
-from .common import (
-    DONE,
-    FIT_WITH_URDF,
-    WRONG_DATA,
-    check_outputs,
-    complain,
-    file_name,
-    named_path,
-    say,
-)
+from .common import DONE, WRONG_DATA, check_outputs, complain, file_name, named_path, say
 from .tare import limits_of
 
 

@@ -15,22 +15,21 @@ from ..calibration.robot_set import (
     FILE,
     RobotSet,
     calibrations_of,
-    changed_urdf,
     load_links,
-    load_robot_set,
     robot_file,
     save_robot_set,
 )
 from ..common.atomic_file import check_writable, make_folder, write_bytes_safely
-from ..common.errors import CalibrationFormatError, OutputError, SkinCalibError, counted
+from ..common.errors import CalibrationFormatError, OutputError, counted
 from ..common.file_hash import file_hash
+from ..pipeline.robot_folder import load_with_urdf
 from ..pipeline.self_touch import moved_skins
 from ..pipeline.sources import relative_path
-from ..robot.urdf import Joint, read_robot
+from ..robot.urdf import Joint
 from ..validation.next_self_touch import next_touches
 from ..validation.self_touch import SelfTouch, fit_self_touch
 from ..validation.self_touch_session import read_session
-from .common import DONE, FIT_WITH_URDF, complain, say, say_unused, warn
+from .common import DONE, complain, say, say_unused, warn
 
 OFFSETS = "joint_offsets.json"  # Contract: name of the file
 NEXT_TOUCHES = 3  # that are printed
@@ -40,16 +39,13 @@ def run(options: argparse.Namespace, output: Path | None) -> int:
     """Compare a robot with touches of itself, and write its moved skins to another folder."""
     if options.picture:
         raise OutputError("--picture is for touches of one link. Leave it out.")
-    robot, folder = load_robot_set(options.file), robot_file(options.file).parent
-    if robot.urdf is None:
-        raise SkinCalibError(f"{FILE} names no URDF. {FIT_WITH_URDF}")
+    folder = robot_file(options.file).parent
+    robot, urdf, model, outdated = load_with_urdf(options.file)
     if output is not None:
         _check_folder(output, folder)
     calibrations, of_set = load_links(options.file)
-    for finding in changed_urdf(robot, folder):
-        complain(f"{FILE}: {finding}")
-    urdf = folder / robot.urdf.file
-    model = read_robot(urdf)
+    for line in outdated:
+        complain(line)
     session = read_session(options.touches, model, calibrations)
     found = fit_self_touch(model, session)
     count = sum(calibration.taxel_count for calibration in calibrations.values())

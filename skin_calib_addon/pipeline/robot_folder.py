@@ -11,19 +11,32 @@ from ..calibration.robot_set import (
     RobotLink,
     RobotSet,
     UrdfFile,
+    changed_urdf,
     load_robot_set,
+    robot_file,
     robot_link,
     same_link,
     save_robot_set,
 )
 from ..calibration.source_record import load_source, save_source
-from ..common.errors import CalibrationFormatError, listed
+from ..common.errors import CalibrationFormatError, SkinCalibError, listed
 from ..common.file_hash import file_hash
 from ..plan import Plan, load_plan
 from ..robot.link_mesh import is_urdf
 from ..robot.urdf import Robot, read_robot
 from .calibrate import Calibrated, calibrate
 from .sources import add_outputs, relative_path, source_of
+
+FIT_WITH_URDF = "Fit the plans with it: skin-calib fit ROBOT.urdf PLANS -o FOLDER"
+
+
+def load_with_urdf(path: Path) -> tuple[RobotSet, Path, Robot, list[str]]:
+    """Return a robot set, its URDF and what this has, and lines about a URDF that has changed."""
+    robot, folder = load_robot_set(path), robot_file(path).parent
+    if robot.urdf is None:
+        raise SkinCalibError(f"{FILE} names no URDF. {FIT_WITH_URDF}")
+    urdf = folder / robot.urdf.file
+    return robot, urdf, read_robot(urdf), [f"{FILE}: {finding}" for finding in changed_urdf(robot, folder)]
 
 
 def save_link(result: Calibrated, plan: Plan, path: Path) -> Path:
