@@ -1,13 +1,13 @@
 """`skin-calib run` at 1 kHz with 1260 taxels of 16 bits: gaps, latency, processor time, by output, priority, load.
 
-    python -m benchmarks.live [--seconds 60] [--output dds mcap udp cpp]
+    python -m benchmarks.live [--seconds 60] [--output dds mcap udp cpp-dds cpp-udp]
 
 A sender with real-time priority sends a packet each millisecond. Latency is from the time in the packet to that at
 which an independent reader has the frame: in C with Cyclone DDS, else a socket that gets the frame before the file. It
 leaves out the first second, in which the program is late after the tare. The load is that of more processes that
 compute all the time. Pauses are those of a virtual machine: a process with the highest priority on each processor wakes
 5 ms late or more. The last column leaves out what was sent during a pause or up to twice its length later. It needs
-Linux, root, and what `tests/live/programs.py` names. "cpp" is `cpp/examples/run.cpp`, built by `make cpp`.
+Linux, root, and what `tests/live/programs.py` names. "cpp-" is `cpp/examples/run.cpp`, built by `make cpp`.
 """
 
 import argparse
@@ -113,16 +113,22 @@ def received(receiver: Receiver, sender: subprocess.Popen) -> Iterator[tuple[int
 
 def measure(folder: Path, calibration: Path, reader: Path, output: str, is_real_time: bool, frames: int) -> str:
     """Return a row of the table."""
-    port, receiver = free_port(), Receiver()
+    port, receiver, (is_cpp, output) = free_port(), Receiver(), (output.startswith("cpp-"), output.removeprefix("cpp-"))
     outputs = {"dds": ["dds"], "mcap": [f"mcap:{folder / str(time.time_ns())}.mcap"]}.get(output, [])
     outputs += [] if output == "dds" else [f"udp:{receiver.port}"]
     command = [sys.executable, "-m", "skin_calib_addon", "run", calibration, "--input", f"udp:{port}"]
     command += ["--tare", REST, "--accept", *(word for one in outputs for word in ("--output", one))]
-    if output == "cpp":
+    if is_cpp:
         skin = load_skin(calibration)
         skin.tare(quiet(), accept=True)
         skin.save_noise(folder / "noise.json")
-        command = [Path("build/cpp/run").resolve(), calibration, folder / "noise.json", port, receiver.port]
+        command = [
+            Path("build/cpp/run").resolve(),
+            calibration,
+            folder / "noise.json",
+            port,
+            receiver.port if output == "udp" else output,
+        ]
     with ExitStack() as stack:
         domain = stack.enter_context(free_domain())
         reading = [reader, domain, "forearm", "short"]
@@ -149,7 +155,7 @@ def measure(folder: Path, calibration: Path, reader: Path, output: str, is_real_
         assert run.stop() == 0
         if output == "dds":
             found = [tuple(map(int, line.split())) for line in listener.out.splitlines() if line[:1].isdigit()]
-        faults = run.out.replace("\n", ", ") if output == "cpp" else run.out.partition("; ")[2].strip()
+        faults = run.out.replace("\n", ", ") if is_cpp else run.out.partition("; ")[2].strip()
     cycles, sent, late = np.array(found).T
     assert (np.diff(cycles) > 0).all()
     pauses = [tuple(map(int, line.split())) for one in watchers for line in one.out.splitlines()]
@@ -189,14 +195,14 @@ def main() -> None:
         )
         reader = build("cyclone", folder)
         print(f"{given.seconds} s; other processes of this machine: load {os.getloadavg()[0]:.1f}")
-        print("output priority  load   gaps   p50 us   p99 us    max us  CPU us  pauses  p99 calm")
+        print("output  priority  load   gaps   p50 us   p99 us    max us  CPU us  pauses  p99 calm")
         for busy in given.load:
             for output in given.output:
                 for is_real_time in (True, False):
                     with load(busy):
                         row = measure(folder, calibration, reader, output, is_real_time, 1000 * given.seconds)
                     name = "real-time" if is_real_time else "normal"
-                    print(f"{output:6} {name:9} {busy:4d} {row}", flush=True)
+                    print(f"{output:7} {name:9} {busy:4d} {row}", flush=True)
 
 
 if __name__ == "__main__":

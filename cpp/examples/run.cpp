@@ -1,9 +1,10 @@
-// The loop of "skin-calib run" in C++: packets of readings in over UDP, a SkinFrame for each of them out over UDP.
+// The loop of "skin-calib run" in C++: packets of readings in over UDP, a SkinFrame for each of them out.
 //
-//     run CALIBRATION NOISE INPUT_PORT OUTPUT_PORT
+//     run CALIBRATION NOISE INPUT_PORT OUTPUT_PORT|dds
 //
 // Both ports are of 127.0.0.1. The page "Packets" of the documentation has the format of what comes in. What goes out
-// are the bytes of ROS 2 (CDR). Ctrl+C and SIGTERM end the loop; then it prints what it has counted.
+// are the bytes of ROS 2 (CDR): over UDP alone, or over DDS with the latched layout, where ROS 2 receives them. Ctrl+C
+// and SIGTERM end the loop; then it prints what it has counted.
 #include <arpa/inet.h>
 #include <csignal>
 #include <cstdio>
@@ -14,6 +15,9 @@
 #include <unistd.h>
 
 #include "skin_calib_json.hpp"
+#ifdef SKIN_CALIB_DDS
+#include "dds.hpp"
+#endif
 
 using namespace skin_calib;
 
@@ -147,14 +151,37 @@ void write(Cdr& out, const Polygon& polygon, std::optional<double> probability) 
     out << probability.value_or(not_a_number);
 }
 
-// Write a SkinFrame. See skin_calib_addon/messages/skin_calib_msgs/msg/SkinFrame.msg.
-void write(Cdr& out, const Skin& skin, const Frame& frame, std::uint64_t cycle, std::uint64_t lost) {
-    const Calibration& calibration = skin.geometry.calibration;
-    const double whole = std::floor(frame.time);
-    const auto nanoseconds = static_cast<std::int64_t>(whole) * 1000000000 + std::llround((frame.time - whole) * 1e9);
+// Begin a message with its header. The definitions are in skin_calib_addon/messages/skin_calib_msgs/msg.
+void begin(Cdr& out, const std::string& link, double time) {
+    const double whole = std::floor(time);
+    const auto nanoseconds = static_cast<std::int64_t>(whole) * 1000000000 + std::llround((time - whole) * 1e9);
     out.clear();
     out << static_cast<std::int32_t>(nanoseconds / 1000000000) << static_cast<std::uint32_t>(nanoseconds % 1000000000);
-    out << calibration.link << cycle << lost << calibration.checksum;
+    out << link;
+}
+
+// Write a TaxelLayout.
+void write(Cdr& out, const Skin& skin, double time) {
+    const Calibration& c = skin.geometry.calibration;
+    begin(out, c.link, time);
+    out << std::int32_t{1} << c.checksum << false;
+    out.sequence(c.ids).sequence(Rows(c.channels.begin(), c.channels.end()));
+    out.sequence(c.positions).sequence(c.normals).sequence(c.tangents).sequence(c.areas);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        Numbers sigma;
+        for (const Vec3& of_one : c.sigma) sigma.push_back(of_one[axis]);
+        out.sequence(sigma);
+    }
+    const Plane none{{}, {}};
+    const Plane& plane = skin.ground ? skin.ground->plane : none;
+    out.sequence(skin.thresholds()) << skin.ground.has_value() << plane.origin << plane.axes[0] << plane.axes[2];
+}
+
+// Write a SkinFrame.
+void write(Cdr& out, const Skin& skin, const Frame& frame, std::uint64_t cycle, std::uint64_t lost) {
+    const Calibration& calibration = skin.geometry.calibration;
+    begin(out, calibration.link, frame.time);
+    out << cycle << lost << calibration.checksum;
     const Trusted trusted = frame.trusted();
     out << static_cast<bool>(trusted) << trusted.touched << trusted.wrench << trusted.point << trusted.guaranteed;
     std::vector<std::string> flags;
@@ -199,7 +226,7 @@ sockaddr_in local(const char* port) {
 } // namespace
 
 int main(int count, char** words) {
-    if (count != 5) return std::fprintf(stderr, "run CALIBRATION NOISE INPUT_PORT OUTPUT_PORT\n"), 2;
+    if (count != 5) return std::fprintf(stderr, "run CALIBRATION NOISE INPUT_PORT OUTPUT_PORT|dds\n"), 2;
     Skin skin;
     const Status status = load(words[1], words[2], {}, skin);
     if (!status.ok) return std::fprintf(stderr, "%s\n", status.message.c_str()), 1;
@@ -212,19 +239,39 @@ int main(int count, char** words) {
     for (int signal : {SIGINT, SIGTERM}) std::signal(signal, [](int) { is_stopped = 1; });
     const sched_param priority{50};
     const bool is_real_time = sched_setscheduler(0, SCHED_FIFO, &priority) == 0;
+    const bool is_dds = std::strcmp(words[4], "dds") == 0;
+#ifdef SKIN_CALIB_DDS
+    dds::Output readers; // after the priority, which its threads inherit
+    const std::string problem = is_dds ? readers.open(skin.geometry.calibration.link) : "";
+#else
+    const std::string problem = is_dds ? "no DDS: Cyclone DDS 0.10 was not found when this was compiled" : "";
+#endif
+    if (!problem.empty()) return std::fprintf(stderr, "%s\n", problem.c_str()), 1;
     std::fprintf(stderr, "%s priority\n", is_real_time ? "real-time" : "normal");
 
     std::vector<std::uint8_t> bytes(65536);
     Decoder decoder;
     Cdr out;
     std::uint64_t unsent = 0;
+    const auto send = [&](bool is_frame) {
+#ifdef SKIN_CALIB_DDS
+        if (is_dds) return (is_frame ? readers.frame : readers.layout).send(out.bytes);
+#endif
+        return !is_frame || sendto(socket, out.bytes.data(), out.bytes.size(), 0,
+                                   reinterpret_cast<const sockaddr*>(&output), sizeof output) >= 0;
+    };
+    std::optional<bool> knows_noise; // as the last layout says
     while (!is_stopped) {
         const ssize_t size = recv(socket, bytes.data(), bytes.size(), 0);
         if (size < 0 || !decoder.take(bytes.data(), static_cast<std::size_t>(size))) continue;
         const Frame& frame = skin.update(decoder.values.data(), decoder.values.size(), decoder.time);
+        if (knows_noise != skin.noise().has_value()) { // the layout has its thresholds
+            knows_noise = skin.noise().has_value();
+            write(out, skin, decoder.time);
+            unsent += !send(false);
+        }
         write(out, skin, frame, decoder.cycle, decoder.lost);
-        unsent += sendto(socket, out.bytes.data(), out.bytes.size(), 0, reinterpret_cast<const sockaddr*>(&output),
-                         sizeof output) < 0;
+        unsent += !send(true);
     }
     const auto print = [](const char* name, std::uint64_t n) {
         std::printf("%s %llu\n", name, static_cast<unsigned long long>(n));

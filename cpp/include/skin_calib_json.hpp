@@ -109,13 +109,13 @@ inline Response response_of(const Json& document) {
     return response;
 }
 
-// Return a normal with unit length, unless it has it up to the rounding of the file: then its bits stay.
-inline Vec3 unit_normal(const Vec3& normal) {
+// Return the exact unit vector instead of one of single precision; up to the rounding of the file its bits stay.
+inline Vec3 restored(const Vec3& stored, const Vec3& exact) {
     constexpr double stored_rounding = 1e-9;
-    const Vec3 exact = unit(normal), error = plus(normal, exact, -1);
+    const Vec3 error = plus(stored, exact, -1);
     const bool is_rounded =
         std::any_of(error.begin(), error.end(), [](double x) { return std::abs(x) > stored_rounding; });
-    return is_rounded && std::abs(std::sqrt(dot(normal, normal)) - 1) <= single_rounding ? exact : normal;
+    return is_rounded && std::abs(std::sqrt(dot(stored, stored)) - 1) <= single_rounding ? exact : stored;
 }
 
 // Add the taxels of one patch.
@@ -127,7 +127,18 @@ inline void add_patch(const Json& patch, std::size_t link_responses, Calibration
     for (const Json& id : list_of(taxels, "id", n)) c.ids.push_back(text(id, "id"));
     for (const Json& x : list_of(taxels, "channel", n)) c.channels.push_back(whole(x, "channel"));
     for (const Json& p : list_of(taxels, "position", n)) c.positions.push_back(vector(p, "position"));
-    for (const Json& p : list_of(taxels, "normal", n)) c.normals.push_back(unit_normal(vector(p, "normal")));
+    for (const Json& p : list_of(taxels, "normal", n)) {
+        const Vec3 normal = vector(p, "normal");
+        c.normals.push_back(restored(normal, unit(normal)));
+    }
+    for (const Json& p : list_of(taxels, "tangent", n)) {
+        const Vec3 tangent = vector(p, "tangent"), normal = unit(c.normals[c.tangents.size()]);
+        c.tangents.push_back(restored(tangent, unit(plus(tangent, normal, -dot(tangent, normal)))));
+    }
+    constexpr Vec3 unknown{not_a_number, not_a_number, not_a_number};
+    if (taxels.contains("sigma"))
+        for (const Json& p : list_of(taxels, "sigma", n)) c.sigma.push_back(p.is_null() ? unknown : vector(p, "sigma"));
+    c.sigma.resize(c.ids.size(), unknown);
     double area = 0;
     for (const Json& x : list_of(taxels, "area", n)) c.areas.push_back(number(x, "area")), area += c.areas.back();
     c.max_load += patch.contains("max_load") ? number(patch["max_load"], "max_load") : std::max(2e5 * area, 100.0);

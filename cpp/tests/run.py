@@ -3,19 +3,25 @@
     python -m cpp.tests.run [--program build/cpp/run]
 
 Sets, numbers, flags and forces are equal to the bit, sums to 1e-12 of the sum of the forces, polygons to a nanometre.
+Over DDS, an independent reader must get the same frames to the last digit, and the layout of Python.
 """
 
 import argparse
+import json
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from skin_calib_addon.messages import decode, frame_message
+from skin_calib_addon.calibration import load_calibration
+from skin_calib_addon.live.dds import LOOPBACK
+from skin_calib_addon.messages import decode, frame_message, layout_message
+from skin_calib_addon.messages.content import seconds
 from skin_calib_addon.messages.packet import Decoder
 from skin_calib_addon.runtime import load
-from tests.live.running import N, Process, Receiver, free_port, packets, rows, send, sole
+from tests.live.programs import build, missing
+from tests.live.running import N, Process, Receiver, flat, free_domain, free_port, packets, rows, same, send, sole
 
 COUNT = 1000
 CLOSE = 1e-12  # [1] difference of sums, relative to what they add
@@ -38,7 +44,7 @@ def compare(name: str, python: Any, cpp: Any, scale: float) -> None:
         return
     if name in WORDS:
         is_same = bool(python) == bool(cpp)
-    elif isinstance(python, (str, bool, int, np.bool_)) or name in ("taxels", "forces", "flags"):
+    elif isinstance(python, (str, bool, int, np.bool_)) or name in ("taxels", "forces", "flags", "ids"):
         is_same = np.array_equal(np.asarray(python), np.asarray(cpp), equal_nan=name == "forces")
     else:
         a, b = np.ravel(python).astype(float), np.ravel(cpp).astype(float)
@@ -66,6 +72,20 @@ def faulty(rng: np.random.Generator, table: np.ndarray) -> list[bytes]:
     return sent + again
 
 
+def over_dds(folder: Path, command: list[Any], port: int, sent: list[bytes], count: int) -> list[dict[str, Any]]:
+    """Return layout and frames as the reader in C prints them."""
+    with free_domain() as domain:
+        of_dds = {"CYCLONEDDS_URI": LOOPBACK, "ROS_DOMAIN_ID": domain}
+        reader = Process(folder, "reader", build("cyclone", folder), domain, "left_sole", "full", **of_dds)
+        with reader, Process(folder, "dds", *command, "dds", **of_dds) as run:
+            reader.wait_for(lambda reader: "matched" in reader.out)
+            send(port, sent, 4e-3)
+            reader.wait_for(lambda reader: reader.out.count('"SkinFrame"') == count)
+            assert run.stop() == 0 and "unsent 0\n" in run.out, run.out
+            found = [json.loads(line, parse_int=float) for line in reader.out.splitlines()]
+    return [one for one in found if one["message"] in ("TaxelLayout", "SkinFrame")]
+
+
 def main() -> None:
     """Send packets, and compare."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -84,7 +104,8 @@ def main() -> None:
                 expected.append(
                     frame_message(skin.link, skin.update(r.values, r.time), r.cycle, decoder.lost, skin.checksum)
                 )
-        with Process(folder, "run", program, calibration, noise, port, receiver.port) as run:
+        command = [program, calibration, noise, port]
+        with Process(folder, "run", *command, receiver.port) as run:
             run.wait_for(lambda run: "priority" in run.err)
             send(port, sent, 1e-4)
             frames = [decode("SkinFrame", data) for data in receiver.get(len(expected))]
@@ -102,6 +123,15 @@ def main() -> None:
             counts["unsent"] == "0" and decoder.restarts == 2 and int(counts["damaged"]) > 10 < int(counts["skipped"])
         )
         print(f"{len(frames)} frames of {len(sent)} packets of {N} channels are equal; counted: {counts}")
+        if missing("cyclone"):
+            print(f"not compared over DDS: {missing('cyclone')} are not installed")
+            return
+        layout, *printed = over_dds(folder, command, port, sent, len(frames))
+        skin = load(calibration, noise=noise)
+        expected_layout = layout_message(load_calibration(calibration), skin, seconds(frames[0]["header"]["stamp"]))
+        compare("layout", flat(expected_layout), flat(layout), 0.0)
+        assert all(same(*pair) for pair in zip(frames, printed, strict=True))
+        print("layout and frames over DDS are equal, too")
 
 
 if __name__ == "__main__":

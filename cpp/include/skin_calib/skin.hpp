@@ -86,6 +86,11 @@ public:
 
     const std::optional<Noise>& noise() const noexcept { return noise_; }
 
+    // Force of each taxel from which on it counts as possibly touched [N].
+    Numbers thresholds() const {
+        return is_stated_ || !noise_ ? Numbers(size(), switch_on_) : noise_->detection_limits;
+    }
+
     // Leave out defective taxels from now on; an empty list masks none. After an error the masked taxels stay as
     // before.
     Status mask(const std::vector<std::string>& masked) {

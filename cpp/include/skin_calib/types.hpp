@@ -134,6 +134,7 @@ struct Calibration {
     std::vector<std::string> ids;
     std::vector<std::int64_t> channels;             // position in a reading
     std::vector<Vec3> positions, normals;           // [m]; unit, out of the robot
+    std::vector<Vec3> tangents, sigma;              // of messages only: unit, along the row; [m], [m], [rad], or NaN
     Numbers areas;                                  // of the cells [m^2]
     std::vector<std::vector<Vec3>> corners;         // of the cells [m]
     std::vector<std::array<std::int32_t, 2>> pairs; // rows of neighbours, the lower row first
