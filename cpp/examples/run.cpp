@@ -61,7 +61,8 @@ struct Decoder {
         }
         const unsigned version = bytes[4], bits = bytes[5];
         const std::size_t channels = number(bytes + 6, 2), end = start + (channels * bits + 7) / 8;
-        const bool is_known = version == 1 && (bits == 8 || bits == 12 || bits == 16);
+        const bool is_known = version == 1 && (bits == 8 || bits == 12 || bits == 16) &&
+                              number(bytes + 16, 8) / 1000000 < half; // what the stamp of a message can have
         if (!is_known || size != end + 4 || crc32(bytes, end) != number(bytes + end, 4)) {
             ++damaged;
             return false;

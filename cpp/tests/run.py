@@ -18,7 +18,7 @@ from skin_calib_addon.calibration import load_calibration
 from skin_calib_addon.live.dds import LOOPBACK
 from skin_calib_addon.messages import decode, frame_message, layout_message
 from skin_calib_addon.messages.content import seconds
-from skin_calib_addon.messages.packet import Decoder
+from skin_calib_addon.messages.packet import Decoder, packet
 from skin_calib_addon.runtime import load
 from tests.live.programs import build, missing
 from tests.live.running import N, Process, Receiver, flat, free_domain, free_port, packets, rows, same, send, sole
@@ -107,7 +107,7 @@ def main() -> None:
         command = [program, calibration, noise, port]
         with Process(folder, "run", *command, receiver.port) as run:
             run.wait_for(lambda run: "priority" in run.err)
-            send(port, sent, 1e-4)
+            send(port, [packet(table[0], 0, 2**63), *sent], 1e-4)  # no message can have this time
             frames = [decode("SkinFrame", data) for data in receiver.get(len(expected))]
             assert run.stop() == 0
         for k, (python, cpp) in enumerate(zip(expected, frames, strict=True)):

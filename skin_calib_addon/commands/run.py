@@ -20,6 +20,7 @@ from ..live.loop import run as run_loop
 from ..live.outputs import McapOutput, Output, UdpOutput
 from ..messages.packet import Decoder, Reading
 from ..runtime import Skin, load
+from ..runtime.modalities import FORCE
 from .common import DONE, check_target, complain, named_path, say, warn
 from .tare import add_rest, rested
 
@@ -77,8 +78,12 @@ def place_of(*forms: str) -> Callable[[str], Place]:
         if has_name.get(kind) is not bool(name):
             raise argparse.ArgumentTypeError(f"{text!r} is not {', '.join(forms[:-1])} or {forms[-1]}")
         before, _, last = name.rpartition(":")
+        if kind == "serial" and before and last.isdecimal():
+            if not 0 < int(last) < 2**31:
+                raise argparse.ArgumentTypeError(f"{text!r} does not end with a baud rate, 1 to {2**31 - 1}")
+            return Place(kind, before, int(last))
         if kind == "serial":
-            return Place(kind, before, int(last)) if before and last.isdecimal() else Place(kind, name, BAUD)
+            return Place(kind, name, BAUD)
         if kind == "udp":
             if not last.isdecimal() or not 0 < int(last) < 2**16:
                 raise argparse.ArgumentTypeError(f"{text!r} does not end with a port, 1 to 65535")
@@ -94,6 +99,8 @@ def run(options: argparse.Namespace) -> int:
             check_target(Path(place.name), options.file, options.noise)
     if options.tare and options.noise:
         options.refuse("--tare and --noise both say what the sensors read at rest; give one of them")
+    if len({options.input, *options.output}) <= len(options.output):
+        options.refuse("--input and --output must all differ; one of them is given twice")
     calibration, skin = load_calibration(options.file), load(options.file, noise=options.noise)
     decoder = Decoder() if options.decoder is None else _decoder(options.decoder)
     stops: list[int] = []
@@ -171,9 +178,12 @@ def _check(reading: Any) -> None:
         raise ValueError(f"the cycle {reading.cycle!r:.40} is not a number from 0 on")
     if not isinstance(reading.time, int | float | np.number) or not np.isfinite(reading.time):
         raise ValueError(f"the time {reading.time!r:.40} is not a number of seconds")
-    values = reading.values.values() if isinstance(reading.values, Mapping) else (reading.values,)
-    if any(np.asarray(of_one).dtype.kind not in "buif" for of_one in values):
-        raise TypeError("values are not numbers")
+    values = reading.values if isinstance(reading.values, Mapping) else {FORCE: reading.values}
+    if FORCE not in values:
+        raise ValueError(f"values have no {FORCE}")
+    for row in map(np.asarray, values.values()):
+        if row.dtype.kind not in "buif" or row.ndim != 1:
+            raise TypeError("values are not a list of numbers")
 
 
 def _input(place: Place, skin: Skin, decoder: Any) -> Input:

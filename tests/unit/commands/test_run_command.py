@@ -125,6 +125,10 @@ def test_times_of_arrival_replace_those_of_the_sender(calibration, recording, tm
         (["--input", "udp:5005", "--output", "mcap"], "'mcap' is not dds, mcap:FILE or udp:HOST:PORT"),
         (["--input", "udp:5005", "--output", "dds", "--tare", "5", "--noise", "n"], "give one of them"),
         (["--input", "udp:5005", "--output", "mcap:none/x.mcap"], "Create it first"),
+        (["--input", "serial:tty:0", "--output", "dds"], "'serial:tty:0' does not end with a baud rate, 1 to 2147483647"),
+        (["--input", "serial:tty:2147483648", "--output", "dds"], "does not end with a baud rate"),
+        (["--input", "udp:5005", "--output", "dds", "--output", "dds"], "one of them is given twice"),
+        (["--input", "udp:5005", "--output", "udp:127.0.0.1:5005"], "one of them is given twice"),
     ],
 )
 def test_wrong_calls_are_refused(calibration, capsys, words, what):
@@ -197,7 +201,7 @@ def test_wrong_decoder_is_refused(calibration, tmp_path, capsys, text, what):
     """With the name of the file."""
     file = tmp_path / "mine.py"
     file.write_text(text)
-    words = ["--input", "udp:9", "--output", "udp:9", "--decoder", str(file)]
+    words = ["--input", "udp:9", "--output", "udp:10", "--decoder", str(file)]
     assert main(["run", str(calibration), *words]) == 1
     err = capsys.readouterr().err
     assert what in err and str(file) in err and err.count("\n") == 1
@@ -212,7 +216,9 @@ def test_wrong_decoder_is_refused(calibration, tmp_path, capsys, text, what):
         ("return [3]", "TypeError: 3 is not a Reading"),
         ("return [Reading(0.0, -1, [1.0])]", "ValueError: the cycle -1 is not a number from 0 on"),
         ("return [Reading(float('nan'), 0, [1.0])]", "ValueError: the time nan is not a number of seconds"),
-        ("return [Reading(0.0, 0, {'force': 'abc'})]", "TypeError: values are not numbers"),
+        ("return [Reading(0.0, 0, {'force': ['abc']})]", "TypeError: values are not a list of numbers"),
+        ("return [Reading(0.0, 0, [[1.0, 2.0]])]", "TypeError: values are not a list of numbers"),
+        ("return [Reading(0.0, 0, {'proximity': [1.0]})]", "ValueError: values have no force"),
     ],
 )
 def test_decoder_that_fails_is_named(tmp_path, text, what):
