@@ -25,6 +25,7 @@ from skin_calib_addon.common.file_hash import file_hash
 from skin_calib_addon.inspection.recording import read_recording
 from skin_calib_addon.runtime import load
 
+LONG_STEP = 1.0  # [s] between readings, above which the time may be in other units. Larger: more of them are unseen
 ENDINGS = (".mcap", ".parquet", ".csv", ".npz")
 
 
@@ -59,6 +60,8 @@ def computed(source, target, calibration, noise):
             raise SkinCalibError(f"'{source.name}' has no reading")
         if count := np.count_nonzero(~(np.diff(times) > 0)):
             notes = (*notes, f"warning: the time does not increase in {count} rows")
+        if len(times) > 1 and (step := np.median(np.diff(times))) > LONG_STEP:
+            notes = (*notes, f"warning: readings are {step:g} s apart (median): time must be in seconds")
         found = skin.batch(readings, times)
     except (SkinCalibError, pyarrow.ArrowException, OSError) as problem:
         return 0, (f"error: {str(problem).splitlines()[0]}",)
@@ -83,9 +86,10 @@ def made_with(source, calibration, noise):
     return {"recording": recording, "calibration": file_hash(calibration), "noise": file_hash(noise) if noise else ""}
 
 
-def is_done(target, made):
+def is_done(source, target, calibration, noise):
     """Return whether a complete result is there, made with the same files."""
     try:
+        made = made_with(source, calibration, noise)
         metadata = pyarrow.parquet.read_schema(target).metadata or {}
     except (OSError, pyarrow.ArrowException):
         return False
@@ -112,7 +116,7 @@ def main():
         parser.error("the results would be in the folder of the recordings. Name another folder")
     options.output.mkdir(parents=True, exist_ok=True)
     targets = {source: options.output.resolve() / f"{source.name}.parquet" for source in sources}
-    left = [source for source in sources if not is_done(targets[source], made_with(source, calibration, noise))]
+    left = [source for source in sources if not is_done(source, targets[source], calibration, noise)]
     cluster = options.scheduler or LocalCluster(
         n_workers=min(os.cpu_count() or 1, max(len(left), 1)), threads_per_worker=1, dashboard_address=None
     )

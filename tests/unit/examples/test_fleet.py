@@ -93,6 +93,7 @@ def fleet():
     ("change", "what"),
     [
         ({"time": np.arange(50).astype("datetime64[ms]")}, "error: the column time of 'r.parquet' is timestamp[ms]"),
+        ({"time": 4_000_000 * np.arange(50)}, "warning: readings are 4e+06 s apart (median): time must be in seconds"),
         ({"time": np.arange(50.0)[::-1]}, "warning: the time does not increase in 49 rows"),
         ({"channel_2": np.append(np.zeros(49), np.nan)}, "warning: taxels have no valid force in 1 rows"),
         ({"channel_9": np.zeros(50)}, "warning: 1 columns are not of this skin; the first is channel_9"),
@@ -117,13 +118,14 @@ def test_results_of_a_changed_recording_are_computed_again(fleet, tmp_path):
     def is_done(rows):
         np.savetxt(source, np.column_stack(list(recording(1).values()))[:rows], "%.6g", ",",
                    header=",".join(recording(1)), comments="")  # fmt: skip
-        return fleet.is_done(out, fleet.made_with(source, calibration, None))
+        return fleet.is_done(source, out, calibration, None)
 
     assert not is_done(40) and fleet.computed(source, out, calibration, None)[0] == 40
-    assert fleet.is_done(out, fleet.made_with(source, calibration, None)) and not is_done(41)
+    assert fleet.is_done(source, out, calibration, None) and not is_done(41)
     out.write_bytes(b"PAR1")
-    assert not fleet.is_done(out, fleet.made_with(source, calibration, None))
+    assert not fleet.is_done(source, out, calibration, None)
     out.unlink()
+    assert not fleet.is_done(source.with_name("deleted.csv"), out, calibration, None)
     assert not is_done(0) and fleet.computed(source, out, calibration, None)[0] == 0 and not out.exists()
 
 
