@@ -86,16 +86,17 @@ def run(options: argparse.Namespace) -> int:
         raise CalibrationFormatError(f"'{options.readings}' contains no frame. Check that it is the correct file.")
     if all(frame.problem for frame in frames):
         raise CalibrationFormatError(f"'{options.readings}' does not fit the skin: {frames[0].problem}")
+    data = b""
+    if options.output and options.to == "mcap":
+        readings = [values for _, values in recorded]
+        data = _as_mcap(options.file, skin, readings, frames, recording.cycles or range(len(frames)))
+    elif options.output:
+        data = _as_rerun(options.file, skin, frames) if options.to == "rerun" else _as_lines(skin, frames)
     if options.picture:
         from ..pictures.replay import draw_replay  # matplotlib is optional
 
         draw_replay(skin, frames, options.picture)
     if options.output:
-        if options.to == "mcap":
-            readings = [values for _, values in recorded]
-            data = _as_mcap(options.file, skin, readings, frames, recording.cycles or range(len(frames)))
-        else:
-            data = _as_rerun(options.file, skin, frames) if options.to == "rerun" else _as_lines(skin, frames)
         write_bytes_safely(options.output, data)
     warn(recording.notes)
     if recording.has_more:
@@ -106,8 +107,7 @@ def run(options: argparse.Namespace) -> int:
     for name in skin.modalities:
         if name not in recorded[0][1]:
             complain(f"warning: the recording has no readings of {name}, which the calibration has")
-    seconds = np.array([frame.time for frame in frames])
-    steps = np.diff(seconds[np.isfinite(seconds)])
+    steps = np.diff(_finite_times(frames))
     if len(steps) and (step := float(np.median(steps))) > LONG_STEP:
         complain(f"warning: frames are {step:g} s apart (median): time must be in seconds")
     for flag, times in sorted(Counter(flag for frame in frames for flag in frame.flags).items()):
@@ -151,17 +151,24 @@ def _as_rerun(file: Path, skin: Skin, frames: Sequence[Frame]) -> bytes:
     return rerun_bytes(calibration, skin, frames, seconds, None if mesh is None else (mesh.vertices, mesh.faces))
 
 
+def _finite_times(frames: Sequence[Frame]) -> Array:
+    """Return the times [s] that are finite."""
+    seconds = np.array([frame.time for frame in frames])
+    return seconds[np.isfinite(seconds)]
+
+
 def _summary(skin: Skin, frames: list[Frame], columns: str, rest: str) -> str:
     numbers = {c.number for frame in frames for c in frame.contacts}
     touched = [frame for frame in frames if frame.touched]
     forces = [sum(c.force for c in frame.contacts) for frame in touched]
     cops = np.array([frame.cop for frame in frames if frame.cop is not None])
     most = max(len(frame.contacts) for frame in frames)
+    seconds = _finite_times(frames)
     lines = [
         f"link             {skin.link}, {len(skin.ids)} taxels",
         f"columns          {columns}",
         *([f"rest             {rest}"] if rest else []),
-        f"frames           {len(frames)}, {frames[-1].time - frames[0].time:.3f} s",
+        f"frames           {len(frames)}" + (f", {np.ptp(seconds):.3f} s" if len(seconds) else ""),
         f"contacts         {len(numbers)}, at most {most} at a time, in {len(touched)} frames",
     ]
     if forces:

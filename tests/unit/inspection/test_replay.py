@@ -322,6 +322,25 @@ def test_times_in_nanoseconds_are_a_warning(calibration, tmp_path, capsys):
         assert ("frames are 4e+06 s apart (median): time must be in seconds" in capsys.readouterr().err) == is_long
 
 
+@pytest.mark.parametrize(
+    ("times", "length"), [((np.nan, 1, 2), "3, 1.000 s"), ((3, 2, 1), "3, 2.000 s"), ((np.nan,) * 3, "3\n")]
+)
+def test_length_of_a_recording_is_that_of_its_finite_times(calibration, tmp_path, capsys, times, length):
+    """One of "nan s", or a negative one, would say nothing."""
+    table = as_csv(tmp_path / "r.csv", times, readings(3)[1])
+    assert main(["replay", str(calibration), str(table)]) == 0
+    assert f"frames           {length}" in capsys.readouterr().out
+
+
+def test_picture_is_not_written_without_the_output(calibration, tmp_path, capsys):
+    """A message cannot have the time: nothing is left."""
+    table = as_csv(tmp_path / "r.csv", (1, np.nan, 2), readings(3)[1])
+    out, picture = tmp_path / "out.mcap", tmp_path / "out.png"
+    words = ["replay", str(calibration), str(table), "--to", "mcap", "-o", str(out), "--picture", str(picture)]
+    assert main(words) == 1 and "cannot have the time nan s" in capsys.readouterr().err
+    assert not out.exists() and not picture.exists()
+
+
 def test_wrong_modalities_of_a_recording_are_refused_or_flagged(calibration, tmp_path, capsys):
     """A row for each frame is needed; channels that are missing are flagged in each frame."""
     time, rows = readings(3)
