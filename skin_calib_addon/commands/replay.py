@@ -99,7 +99,7 @@ def run(options: argparse.Namespace) -> int:
     if options.output:
         write_bytes_safely(options.output, data)
     warn(recording.notes)
-    if recording.has_more:
+    if any(len(values[FORCE]) > skin.reading_length for _, values in recorded):
         complain(
             f"warning: the recording has more numbers than the skin needs ({recording.columns}). "
             "Check that no counter, time or total is among the channels."

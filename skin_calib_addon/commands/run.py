@@ -102,6 +102,8 @@ def run(options: argparse.Namespace) -> int:
     if len({options.input, *options.output}) <= len(options.output):
         options.refuse("--input and --output must all differ; one of them is given twice")
     calibration, skin = load_calibration(options.file), load(options.file, noise=options.noise)
+    if not skin.ids:
+        raise CalibrationFormatError(f"'{options.file}': {skin.link} has no taxels. Add a skin")
     decoder = Decoder() if options.decoder is None else _decoder(options.decoder)
     stops: list[int] = []
 

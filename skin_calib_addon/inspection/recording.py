@@ -36,7 +36,6 @@ class Recording:
 
     frames: Iterator[tuple[float, Array]]
     columns: str  # which columns of the file are which channels
-    has_more: bool = False  # whether the file has numbers without a name that the skin does not need
     notes: tuple[str, ...] = ()  # what a person should know of the recording
     cycles: Sequence[int] | None = None  # number of each frame; None: in their order
     modalities: Callable[[], dict[str, Array]] = dict  # reads the readings (t, channels) of those that the file has
@@ -100,10 +99,10 @@ def _packed(path: Path, skin: Skin) -> Recording:
         raise CalibrationFormatError(f"'{path}' has {shapes}. Give numbers of shapes (t,) and (t, channels)")
     width = readings.shape[1]
     text = f"readings[:, 0] to readings[:, {length - 1}] are channels 0 to {length - 1}"
-    if has_more := width > length:
+    if width > length:
         text += f"; not used: readings[:, {length}]" + (f" to readings[:, {width - 1}]" if width > length + 1 else "")
     frames = iter(zip(time.astype(float).tolist(), readings))
-    return Recording(frames, text, has_more, modalities=lambda: _other_arrays(path, skin.modalities, len(time)))
+    return Recording(frames, text, modalities=lambda: _other_arrays(path, skin.modalities, len(time)))
 
 
 def _other_arrays(path: Path, names: Collection[str], count: int) -> dict[str, Array]:

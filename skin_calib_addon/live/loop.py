@@ -115,8 +115,8 @@ def run(
             report(tare(rows))
     for cycle, at, values in readings:
         start, lost = time.perf_counter(), status.lost
-        for name in sorted(skin.modalities.keys() - values.keys()) if status.frames == 0 else ():
-            report(f"warning: the readings have no {name}, which the calibration has")
+        for note in _notes(skin, values) if status.frames == 0 else ():
+            report(f"warning: {note}")
         frame = skin.update(values, at)
         if skin.noise is not noise:  # the layout has its thresholds
             noise = skin.noise
@@ -125,6 +125,15 @@ def run(
         for name, row in values.items() if is_recorded else ():
             publish("reading", reading_message(link, row, at, cycle, lost, checksum, name), at, cycle)
         status.add(frame, time.perf_counter() - start)
+
+
+def _notes(skin: Skin, values: Mapping[str, Array]) -> Iterator[str]:
+    """Yield what a person should know of the first reading."""
+    for name in sorted(skin.modalities.keys() - values.keys()):
+        yield f"the readings have no {name}, which the calibration has"
+    if (count := len(values[FORCE])) > skin.reading_length:
+        what = f"the readings have {count} numbers, the skin needs {skin.reading_length}"
+        yield f"{what}. Check that no counter, time or total is among the channels"
 
 
 def _readings(

@@ -106,6 +106,24 @@ def test_missing_modality_is_named_once(calibration, tmp_path, capsys):
     assert capsys.readouterr().err.count("warning: the readings have no proximity, which the calibration has\n") == 1
 
 
+def test_more_numbers_than_the_skin_needs_are_named(calibration, tmp_path, capsys):
+    """Once by run, which has no names of channels, and by replay of what it has recorded."""
+    npz, out = tmp_path / "r.npz", tmp_path / "out.mcap"
+    np.savez(npz, time=0.001 * np.arange(60), readings=np.column_stack((np.arange(60, dtype=np.uint16), rows(60))))
+    assert main(["run", str(calibration), "--input", f"mcap:{npz}", "--output", f"mcap:{out}"]) == 0
+    assert capsys.readouterr().err.count("warning: the readings have 43 numbers, the skin needs 42. Check") == 1
+    assert main(["replay", str(calibration), str(out)]) == 0
+    assert "warning: the recording has more numbers than the skin needs" in capsys.readouterr().err
+
+
+def test_skin_without_taxels_is_refused(tmp_path, capsys):
+    """Its frames would say that nothing touches."""
+    path = tmp_path / "none.calibration.json"
+    save_calibration(small_calibration(patches=(), surfaces=()), path)
+    assert main(["run", str(path), "--input", f"udp:{free_port()}", "--output", f"udp:{free_port()}"]) == 1
+    assert "has no taxels. Add a skin" in capsys.readouterr().err
+
+
 def test_times_of_arrival_replace_those_of_the_sender(calibration, recording, tmp_path):
     """The frames are of now."""
     from skin_calib_addon.messages import decode
