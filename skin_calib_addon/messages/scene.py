@@ -40,7 +40,9 @@ class SceneMaker:
         """Start with the largest force of some frames, so that all have the same colours."""
         self._plane = None if skin.ground is None else skin.ground.plane
         self._normals = skin.normals
-        self.size = float(np.linalg.norm(np.ptp(skin.positions, axis=0))) if len(skin.ids) else 0.0  # [m]
+        of_patches = (patch.taxels.corners_link.reshape(-1, 3) for patch in calibration.patches)
+        corners = np.concatenate([np.empty((0, 3)), *of_patches])  # of cells: one taxel has a size, too
+        self.size = float(np.linalg.norm(np.ptp(corners, axis=0))) if len(corners) else 0.0  # [m]
         self._lift = LIFT_FRACTION * self.size
         self._cells: list[Array] = []  # triangles (k - 2, 3, 3) of each taxel
         for patch in calibration.patches:

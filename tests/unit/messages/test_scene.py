@@ -55,6 +55,16 @@ def test_cells_of_all_shapes_are_drawn():
     assert ((normals * outward).sum(axis=1) > 0).all()
 
 
+def test_one_taxel_has_an_arrow():
+    """Its cell gives the size; with that of its position, all lines and arrows were of size 0."""
+    calibration = small_calibration(patches=(sheet(1, 1, 0.01),), response=Response((0.0, 1.0)))
+    skin = Skin(calibration, switch_on=0.5)
+    maker = SceneMaker(calibration, skin)
+    scene = maker.scene(skin.update(np.full(skin.reading_length, 9.0), 0.0))
+    assert maker.size == pytest.approx(0.01 * np.sqrt(2), rel=0.1)
+    assert np.linalg.norm(scene.tails - scene.heads) == pytest.approx(0.25 * maker.size)
+
+
 def test_taxel_without_a_reading_is_drawn_in_a_colour_of_its_own(sole):
     """It is not shown as one without force."""
     calibration, skin = sole
