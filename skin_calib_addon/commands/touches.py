@@ -86,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
     _report(found)
     of_fit = result.warnings if result else ()
     in_order = not any(placement.wiring.order.words for placement in found)
-    of_forces = directions.warnings() if directions and in_order else ()
+    of_forces = directions.warnings(in_order) if directions else ()
     of_tool = touches.tool.warnings() if touches.tool else ()
     warn((*of_fit, *of_tool, *of_forces, *(warning for placement in found for warning in placement.warnings())))
     if options.refine and plan and result:

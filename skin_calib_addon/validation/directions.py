@@ -88,8 +88,17 @@ class Directions:
             f"{dx:.1f}, across {y:.1f} +- {dy:.1f} degrees{known}"
         )
 
-    def warnings(self) -> Iterator[Warning]:
-        """Yield warnings for the author: offset of the sensor, oblique presses, signs."""
+    def warnings(self, in_order: bool = True) -> Iterator[Warning]:
+        """Yield warnings for the author: signs, and, if the channels are in order, offset of the sensor and lean.
+
+        In another order the normals are those of other taxels. Forces with the opposite sign can seem to be one.
+        """
+        if self.is_pull.all():
+            message = "All forces point out of the skin, as those of pulls, or as those on the probe."
+            advice = "Give the forces on the skin."
+            yield Warning("force-sign", "note", message, value=float(len(self.forces)), advice=advice)
+        if not in_order:
+            return
         if self.offset.any():
             x, y, z = np.round(self.offset, 2) + 0.0
             errors = np.sqrt(np.diag(self.offset_covariance))
@@ -113,10 +122,6 @@ class Directions:
             message = f"{len(few)} of {len(self.forces)} forces have the opposite sign: {which}."
             advice = "Press only, or correct their signs."
             yield Warning("force-sign", "warning", message, value=float(len(few)), advice=advice)
-        elif self.is_pull.all():
-            message = "All forces point out of the skin, as those of pulls, or as those on the probe."
-            advice = "Give the forces on the skin."
-            yield Warning("force-sign", "note", message, value=float(len(self.forces)), advice=advice)
 
 
 def directions_of(calibration: LinkCalibration, touches: Touches) -> tuple[Directions | None, Touches]:

@@ -97,7 +97,8 @@ def compare_touches(link: bpy.types.Object, context: bpy.types.Context, path: st
     if touches.tool:
         lines += [line.strip() for _, line in touches.tool.summary()]
     of_tool = touches.tool.warnings() if touches.tool else ()
-    of_forces = directions.warnings() if directions and not any(p.wiring.order.words for p in found) else ()
+    in_order = not any(p.wiring.order.words for p in found)
+    of_forces = directions.warnings(in_order) if directions else ()
     warnings = (*of_tool, *of_forces, *(warning for p in found for warning in p.warnings()))
     _keep(link, "touches", path, lines, warnings, np.concatenate([p.places for p in found]), touches_of(found))
     _list(link.skin_calib.inspect.touches, found)
