@@ -91,9 +91,9 @@ class Model:
                 message = f"{where}no joint moves {body}, which touched, relative to {felt}, which felt it."
                 raise CalibrationFormatError(f"{message} Name the tip and the taxel of the touch.")
             if missing := [name for name in moving if name not in self.session.positions]:
-                message = f"{where}the table has no column of {listed(missing)}, which move {body} relative to {felt}"
-                known = did_you_mean(missing[0].lower(), self.session.unused)
-                raise CalibrationFormatError(f"{message}{known}. Add the angles.")
+                message = f"{where}the table has no column of {listed(missing)}, between {felt} and {body}"
+                known = did_you_mean(missing[0].lower(), self.session.unused) or "."
+                raise CalibrationFormatError(f"{message}{known} Add the angles.")
 
     def moving(self, felt: str, body: str) -> list[str]:
         """Return the joints that move one link relative to another."""

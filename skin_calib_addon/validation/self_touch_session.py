@@ -3,7 +3,7 @@
 import os
 import re
 from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -88,7 +88,7 @@ class _Table:
     """The header of a table, and the rows below."""
 
     def __init__(self, text: str, robot: Robot, calibrations: Mapping[str, LinkCalibration]):
-        self.robot, self.tips = robot, {tip.name: tip for tip in _tips(text, robot)}
+        self.robot, self.tips = robot, _tips(text, robot)
         self.patches = tuple((link, patch) for link, found in calibrations.items() for patch in found.patches)
         self.owners: dict[str, dict[str, tuple[int, int]]] = {}  # of ids, by link: patch and row
         for k, (link, patch) in enumerate(self.patches):
@@ -102,6 +102,7 @@ class _Table:
         joints = {name.lower(): joint for name, joint in robot.joints.items() if joint.type in ONE_AXIS}
         ids = {name.lower(): owners for name, owners in self.owners.items()}
         ids |= {f"{link}/{name}".lower(): {link: at} for name, of in self.owners.items() for link, at in of.items()}
+        named = set[tuple[int, int]]()
         for place, cell in enumerate(header):
             found = re.fullmatch(r"(.*?)\s*[\[(](.*)[\])]", cell)
             name, unit = (found[1], found[2].strip()) if found else (cell, "")
@@ -109,7 +110,11 @@ class _Table:
                 if len(ids[cell]) > 1:
                     message = f"{listed(tuple(ids[cell]))} have a taxel {show(cell)}; name the column LINK/{cell}"
                     raise TableError(self.line, message, place + 1)
-                (self.felt[place],) = ids[cell].values()
+                (owner,) = ids[cell].values()
+                if owner in named:
+                    raise TableError(self.line, f"the header names the taxel {show(cell)} twice", place + 1)
+                named.add(owner)
+                self.felt[place] = owner
             elif name in COLUMNS:
                 self._add(self.columns, name, place, unit, UNITS["time"] if name == "time" else {})
             elif name in joints and not joints[name].mimic:
@@ -259,8 +264,9 @@ class _Table:
         return felt, found.get(body.patch, body) if isinstance(body, Felt) else body
 
 
-def _tips(text: str, robot: Robot) -> Iterator[Tip]:
-    """Yield the tips that comments place."""
+def _tips(text: str, robot: Robot) -> dict[str, Tip]:
+    """Return the tips that comments place, by their names."""
+    tips = dict[str, Tip]()
     for number, content in enumerate(text.split("\n"), 1):
         found = re.fullmatch(r"#\s*tip\s*:\s*(.*?)\s*", content, re.IGNORECASE)
         if not found:
@@ -279,7 +285,10 @@ def _tips(text: str, robot: Robot) -> Iterator[Tip]:
             raise TableError(number, f"the tip {show(words[0])}: {problem}") from problem
         if max(map(abs, (x, y, z))) > MAX_COORDINATE:
             raise TableError(number, f"the tip {show(words[0])} is more than {MAX_COORDINATE:g} m from its link")
-        yield Tip(words[0], words[1], (x, y, z))
+        if words[0] in tips:
+            raise TableError(number, f"a comment above places the tip {show(words[0])}, too. Remove one of them")
+        tips[words[0]] = Tip(words[0], words[1], (x, y, z))
+    return tips
 
 
 def _position(joint: Joint, value: float, line: int, place: int) -> float:

@@ -303,7 +303,7 @@ def test_next_touch_is_possible_and_says_most(robot, skins, touches, tmp_path):
 
 
 BAD = {
-    "missing joint": (lambda t: t.replace("elbow [deg]", "other"), "has no column of elbow, which"),
+    "missing joint": (lambda t: t.replace("elbow [deg]", "other"), "has no column of elbow, between trunk and hand. Add"),
     "unknown joint": (
         lambda t: t.replace("elbow [deg]", "elbw [deg]"),
         'line 2, column 5: bot.urdf has no joint "elbw"',
@@ -329,7 +329,15 @@ BAD = {
         lambda t: t.replace("0 0 mm", "0 0"),
         'line 1: a tip has the form "# tip: NAME LINK X Y Z UNIT"',
     ),
+    "tip twice": (
+        lambda t: t.replace("# tip: ", "# tip: finger hand 0 0 90 mm\n# tip: "),
+        'line 2: a comment above places the tip "finger", too',
+    ),
     "fixed tip": (lambda t: t.replace("finger hand", "finger trunk"), "no joint moves trunk, which touched"),
+    "taxel twice": (
+        lambda t: t.replace(",pan", ",trunk/s0.0,pan").replace("elbow [deg]", "trunk/s0.0"),
+        'line 2, column 6: the header names the taxel "trunk/s0.0" twice',
+    ),
     "no row": (lambda t: "\n".join(t.split("\n")[:2]) + "\n", "no row below its header"),
     "no number": (lambda t: t.rsplit(",", 1)[0] + ",x\n", "line 42, column 7"),
 }
