@@ -69,7 +69,8 @@ def real(word: str) -> float:
         if math.isfinite(number):
             return number
     elif not _NOT_FINITE.fullmatch(word):
-        raise NumberError("number", f"has {show(word)} instead of a number")
+        hint = "; write decimals with a point" if _NUMBER.fullmatch(word.replace(",", ".")) else ""
+        raise NumberError("number", f"has {show(word)} instead of a number{hint}")
     raise NumberError("not-finite", f"has {show(word)} instead of a finite number")
 
 

@@ -34,6 +34,8 @@ UNITS = {
 }
 # Largest coordinate of a point [m]. A larger one is in millimetres.
 MAX_COORDINATE = 10.0
+# Largest force [N] along an axis. A larger one is in millinewtons. Larger: accepts more wrong units.
+MAX_FORCE = 2000.0
 # Smallest force with a reliable line of action [N]. Larger: refuses more touches.
 MIN_FORCE = 0.1
 # Numbers of a table. It protects the memory. Larger: accepts longer sessions.
@@ -145,7 +147,7 @@ class _Columns(NamedTuple):
         names, scales = zip(*(with_unit(name, line, k + 1) for k, name in enumerate(header)))
         header = list(names)
         ids = {name.lower(): name for patch in calibration.patches for name in patch.taxels.ids}
-        felt = {ids[name]: k for k, name in enumerate(header) if name in ids}
+        felt = {ids[name]: find_column(header, name, line) for name in header if name in ids}
         for patch in calibration.patches:
             missing = [name for name in patch.taxels.ids if name not in felt]
             if 0 < len(missing) < len(patch.taxels.ids):
@@ -162,7 +164,7 @@ class _Columns(NamedTuple):
             wanted += POINT
         numbers = {name: find_column(header, name, line) for name in wanted}
         owner = None if felt and not {"taxel", "channel"} & set(header) else TaxelColumn.of(header, line, calibration)
-        link = header.index("link") if "link" in header else None
+        link = find_column(header, "link", line) if "link" in header else None
         others = ([] if owner is None else [owner.place]) + ([] if link is None else [link])
         unused = names_without(header, [*numbers.values(), *felt.values(), *others])
         return cls(owner, link, numbers, {n: scales[k] for n, k in numbers.items()}, felt, unused)
@@ -182,7 +184,7 @@ def with_unit(name: str, line: int, column: int) -> tuple[str, float]:
 def _check_link(text: str, link: str) -> None:
     """Check the link that comments name."""
     for number, content in enumerate(text.split("\n"), 1):
-        found = re.fullmatch(r"#\s*link\s*:\s*(.+?)\s*", content) if content.startswith("#") else None
+        found = re.fullmatch(r"#\s*link\s*:\s*(.+?)\s*", content, re.IGNORECASE) if content.startswith("#") else None
         if found and found[1] != link:
             raise _of_another(found[1], link, number)
 
@@ -217,6 +219,9 @@ def _read(text: str, calibration: LinkCalibration, folder: Path) -> tuple[Record
                     f"the coordinate {number:g} m is more than {MAX_COORDINATE:g} m from the origin of its frame. "
                     f'Coordinates are in metres; for millimetres name the column "{name} [mm]"'
                 )
+                raise TableError(line, message, k + 1)
+            elif name in WRENCH[:3] and abs(number) > MAX_FORCE:
+                message = f"the force {number:g} N is more than {MAX_FORCE:g} N. Forces are in newtons"
                 raise TableError(line, message, k + 1)
             numbers.append(number)
         if columns.owner is not None:

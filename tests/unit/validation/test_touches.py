@@ -408,6 +408,14 @@ def test_tables_are_read_by_their_names(tmp_path):
         ([("channel", "x", "y", "z"), (72, 0, 0, 0)], 'has no channel "72"; its channels are 0 to 71'),
         ([("taxel", "x", "y", "z"), ("s1.2", 0, "nan", 0)], "line 2, column 3: "),
         ([("taxel", "x", "y", "z"), ("s1.2", 0, 31.5, 0)], 'for millimetres name the column "y [mm]"'),
+        ([("taxel", "x", "y", "z"), ("s1.2", 0, '"0,1"', 0)], "instead of a number; write decimals with a point"),
+        ([("taxel", "s0.0", "x", "y", "z", "s0.0")], 'column 6: the header names the column "s0.0" twice'),
+        ([("taxel", "link", "x", "y", "z", "link")], 'column 6: the header names the column "link" twice'),
+        ([("# Link: other",), ("taxel", "x", "y", "z")], 'the touches are of the link "other"'),
+        (
+            [("taxel", "fx", "fy", "fz", "tx", "ty", "tz"), ("s1.2", 0, -8000, 0, 0, 0, 0)],
+            "column 3: the force -8000 N is more than 2000 N. Forces are in newtons",
+        ),
         ([("taxel", "fx", "fy", "fz", "tx", "ty")], 'the header names no column "tz"'),
         (
             [("taxel", "fx", "fy", "fz", "tx", "ty", "tz"), ("s1.2", 0, 0, 0.01, 0, 0, 0)],
