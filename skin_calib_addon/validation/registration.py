@@ -108,7 +108,8 @@ class Motion:
     def sigma_at(self, flat: Array) -> Array:
         """Return the standard errors of these displacements, shape (k, 2) [m]."""
         arms = _across(flat - self.middle)
-        out: Array = np.sqrt(self.shift_error**2 + (arms * self.turn_error) ** 2)
+        turned = np.multiply(arms, self.turn_error, out=np.zeros(arms.shape), where=arms != 0)  # it can be infinite
+        out: Array = np.sqrt(self.shift_error**2 + turned**2)
         return out
 
 

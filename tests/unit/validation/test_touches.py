@@ -159,6 +159,7 @@ def test_touches_in_two_cells_do_not_determine_the_rotation():
     (found,) = placements(CALIBRATION, touched(CALIBRATION, rows, points))
     assert found.motion.turn == 0 and found.motion.turn_error == np.inf
     assert np.isfinite(found.motion.shift_error).all() and not found.motion.is_certain
+    assert_allclose(found.motion.sigma_at(found.motion.middle[None])[0], found.motion.shift_error)  # not NaN
 
 
 def test_left_handed_sheet_has_the_same_sign_of_rotation():
@@ -194,7 +195,7 @@ def wrenches_at(points, forces):
     return table, [(*force, *np.cross(point, force)) for force, point in zip(forces, points)]
 
 
-def test_lines_of_action_are_met_in_the_tangent_plane(tmp_path):
+def test_lines_of_action_are_met_on_the_skin(tmp_path):
     """A force-torque sensor gives a line; a line nearly parallel to the skin gives no position, but a warning."""
     rows = np.tile(np.arange(0, ROWS * COLUMNS, 5), 6)
     points = points_after_motion(rows, (0.001, 0.0005), 0.0, 0.8 * PITCH)
