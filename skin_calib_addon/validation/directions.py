@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..calibration.model import LinkCalibration
-from ..common.arrays import Array, BoolArray, IntArray
+from ..common.arrays import Array, BoolArray, IntArray, tangential
 from ..common.errors import listed
 from ..common.warnings import Warning
+from .flat import along_skin
 from .touches import Touches, lines_of_action
 
 # Touches with a force from which on directions are judged. Larger: less is said about few touches.
@@ -131,13 +132,12 @@ def directions_of(calibration: LinkCalibration, touches: Touches) -> tuple[Direc
     """
     if len(touches.wrenches) < MIN_FORCES:
         return None, touches
-    axes, normals = (calibration.of_taxels(touches.taxels, name) for name in ("axes_link", "normals_link"))
-    forces, moments = touches.wrenches[:, :3], touches.wrenches[:, 3:]
-    outward = (forces * normals).sum(axis=1)
-    strong = np.linalg.norm(forces, axis=1)
-    offset, covariance, is_of_sensor = np.zeros(3), np.zeros((3, 3)), False
-    if (np.abs(outward) > np.sqrt(0.5) * strong).mean() >= MIN_NEAR_NORMAL:
-        offset, covariance, is_of_sensor = _offset(axes, forces, moments)
+    axes, normals = _frames(calibration, touches, False)
+    offset, covariance, is_of_sensor = _offset(axes, normals, touches.wrenches)
+    if not is_of_sensor:  # the skin may have moved
+        axes, normals = _frames(calibration, touches, True)
+        if offset.any():
+            offset, covariance, is_of_sensor = _offset(axes, normals, touches.wrenches)
     if is_of_sensor:
         wrenches = touches.wrenches - np.append(offset, np.zeros(3))
         is_line = touches.directions.any(axis=1)[:, None]
@@ -148,16 +148,36 @@ def directions_of(calibration: LinkCalibration, touches: Touches) -> tuple[Direc
             points=np.where(is_line, points, touches.points),
             directions=np.where(is_line, along, 0.0),
         )
-        forces = wrenches[:, :3]
-        outward = (forces * normals).sum(axis=1)
-        strong = np.linalg.norm(forces, axis=1)
+        axes, normals = _frames(calibration, touches, True)
+    forces = touches.wrenches[:, :3]
+    outward = (forces * normals).sum(axis=1)
+    strong = np.linalg.norm(forces, axis=1)
     across = np.einsum("mkc,mc->mk", axes, forces)
     tilts = np.arctan2(-across * np.where(outward < 0, -1, 1)[:, None], np.abs(outward)[:, None])
     found = Directions(touches.lines, strong, tilts, outward > 0, touches.force_noise, offset, covariance, is_of_sensor)
     return found, touches
 
 
-def _offset(axes: Array, forces: Array, moments: Array) -> tuple[Array, Array, bool]:
+def _frames(calibration: LinkCalibration, touches: Touches, is_there: bool) -> tuple[Array, Array]:
+    """Return axes (m, 2, 3) and normals (m, 3) of the taxels that felt the touches, or ``is_there`` at the touches.
+
+    Those at the touches do not depend on a motion of a curved skin, but on an offset of the force sensor.
+    """
+    axes, normals = np.zeros((len(touches.taxels), 2, 3)), np.zeros((len(touches.taxels), 3))
+    for patch in calibration.patches:
+        row_of = {name: row for row, name in enumerate(patch.taxels.ids)}
+        mine = np.array([k for k, name in enumerate(touches.taxels) if name in row_of], np.int64)
+        rows = np.array([row_of[touches.taxels[k]] for k in mine], np.int64)
+        axes[mine], normals[mine] = patch.taxels.axes_link[rows], patch.taxels.normals_link[rows]
+        if is_there:
+            found = along_skin(patch, rows, touches.points[mine], touches.directions[mine])
+            normals[mine[found.known]] = found.normals[found.known]
+            axes[mine, 0] = tangential(axes[mine, 0], normals[mine])
+            axes[mine, 1] = np.cross(normals[mine], axes[mine, 0])
+    return axes, normals
+
+
+def _offset(axes: Array, normals: Array, wrenches: Array) -> tuple[Array, Array, bool]:
     r"""Return the common part of forces, its covariance, and whether it is an offset of the sensor alone.
 
     Along the tangents a force :math:`\mathbf{f}` has nothing but the offset :math:`\mathbf{b}`. The moment
@@ -169,7 +189,10 @@ def _offset(axes: Array, forces: Array, moments: Array) -> tuple[Array, Array, b
         \mathbf{t}_k \cdot (\mathbf{f} - \mathbf{b}) = 0, \qquad
         \boldsymbol{\tau} \cdot (\mathbf{f} - \mathbf{b}) = 0
     """
-    count = len(forces)
+    forces, moments, count = wrenches[:, :3], wrenches[:, 3:], len(wrenches)
+    is_near = np.abs((forces * normals).sum(axis=1)) > np.sqrt(0.5) * np.linalg.norm(forces, axis=1)
+    if is_near.mean() < MIN_NEAR_NORMAL:
+        return np.zeros(3), np.zeros((3, 3)), False
     found, covariance, spread = _robust(axes.reshape(-1, 3), (axes @ forces[..., None]).ravel())
     length = np.linalg.norm(moments, axis=1)
     levers = length > MIN_LEVER * np.linalg.norm(forces, axis=1)

@@ -16,7 +16,7 @@ from ..common.arrays import Array, BoolArray, IntArray
 from ..common.errors import MAX_NAMED
 from ..common.warnings import Place, Warning
 from .directions import directions_of
-from .flat import flat_places, seen_from
+from .flat import along_skin, flat_places
 from .registration import Evidence, Motion, Posterior, motion_of, novelty, posterior, rigid_motion
 from .touches import Touches, lines_of_action
 from .wiring import FAR, Wiring, judge
@@ -72,7 +72,7 @@ class Placement:
 
     @cached_property
     def heights(self) -> Array:
-        """Heights of the touches above the tangent planes of their taxels, as far as they are known [m]."""
+        """Heights of the touches above the skin, as far as they are known [m]."""
         return self.offsets[~np.isnan(self.offsets[:, 2]), 2]
 
     @property
@@ -273,15 +273,13 @@ def _placement(patch: Patch, touches: Touches, planned: Array, offset_covariance
         return None
     rows = np.array([row_of[touches.taxels[i]] for i in mine])
     points, directions, lines = touches.points[mine], touches.directions[mine], touches.lines[mine]
-    offsets, known = seen_from(patch, rows, points, directions)
-    places = patch.taxels.positions_link[rows] + np.einsum("mk,mkc->mc", offsets[:, :2], patch.taxels.axes_link[rows])
-    places += np.nan_to_num(offsets[:, 2:]) * patch.taxels.normals_link[rows]
+    offsets, places, _, known = along_skin(patch, rows, points, directions)
     slopes = np.zeros((len(rows), 2, 3))
     if offset_covariance.any():
         is_line = directions.any(axis=1)[:, None]
         for k, step in enumerate(OFFSET_STEP * np.eye(6)[:3]):
             other, along = lines_of_action(touches.wrenches[mine] - step)
-            moved, _ = seen_from(patch, rows, np.where(is_line, other, points), np.where(is_line, along, 0.0))
+            moved = along_skin(patch, rows, np.where(is_line, other, points), np.where(is_line, along, 0.0)).offsets
             slopes[:, :, k] = (moved - offsets)[:, :2] / OFFSET_STEP
     column = {name: k for k, name in enumerate(touches.felt)}
     columns = [column[name] for name in patch.taxels.ids] if patch.taxels.ids[0] in column else []

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.validation import Touches, directions_of, placements
 from skin_calib_addon.validation.flat import flat_places
 from skin_calib_addon.validation.touches import lines_of_action
-from tests.samples import sheet, small_calibration
+from tests.samples import RADIUS, sheet, small_calibration
 
 ROWS, COLUMNS, PITCH = 6, 20, 0.01
 SHEET = sheet(ROWS, COLUMNS, PITCH)
@@ -70,8 +70,30 @@ def test_presses_that_lean_are_named(angle):
     touches = presses(1, lean=np.deg2rad(angle))
     found, _ = directions_of(CALIBRATION, touches)
     assert "oblique-touches" in codes(touches)
-    assert_allclose(np.rad2deg(found.mean_tilt), (angle, 0), atol=10)
+    assert_allclose(np.rad2deg(found.mean_tilt), (angle, 0), atol=12)
     assert f"angle to the normal: mean {np.rad2deg(found.angles.mean()):.1f}, along the rows " in found.summary()
+
+
+def test_a_skin_that_moved_round_a_limb_is_no_lean():
+    """Presses along the normals: the normals are those where the touches are, and the displacement is along an arc."""
+    rng, flat = np.random.default_rng(0), flat_places(SHEET, SHEET.taxels.index)
+    rows = rng.permutation(ROWS * COLUMNS)[:60]
+    x, y = (flat[rows] + (0.008, 0) + rng.uniform(-0.5, 0.5, (60, 2)) * PITCH).T
+    normals = np.column_stack((np.cos(x / RADIUS), np.sin(x / RADIUS), 0 * x))
+    places = RADIUS * normals + np.outer(y + PITCH / 2, (0, 0, 1))
+    forces = -8 * normals + rng.normal(0, 0.2, (60, 3))
+    wrenches = np.column_stack((forces, np.cross(places, forces)))
+    ids = tuple(SHEET.taxels.ids[row] for row in rows)
+    touches = Touches(ids, np.arange(60), *lines_of_action(wrenches), wrenches=wrenches)
+    found, _ = directions_of(CALIBRATION, touches)
+    assert codes(touches) == set() and np.rad2deg(found.angles).max() < 6
+    assert_allclose(np.rad2deg(found.mean_tilt), 0, atol=1)
+    (placement,) = placements(CALIBRATION, touches)
+    offsets = np.column_stack((x, y)) - flat[rows]
+    assert_allclose(placement.offsets[:, :2], offsets, rtol=0, atol=4e-4)
+    assert_allclose(placement.places, places, rtol=0, atol=4e-4)
+    (placement,) = placements(CALIBRATION, Touches(ids, np.arange(60), places + 0.001 * normals, np.zeros((60, 3))))
+    assert_allclose(placement.offsets, np.column_stack((offsets, np.full(60, 0.001))), rtol=0, atol=2e-4)
 
 
 def test_signs_of_forces_are_checked():
