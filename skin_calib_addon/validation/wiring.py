@@ -183,13 +183,15 @@ def _shifted(patch: Patch, rows: IntArray) -> Iterator[Order]:
     """Yield orders whose channels are off by a number."""
     taxels = patch.taxels
     row_of = {channel: row for row, channel in enumerate(taxels.channels.tolist())}
-    channels = taxels.channels[rows].tolist()
+    first, last = int(taxels.channels.min()), int(taxels.channels.max())
+    channels = (taxels.channels[rows] - first).tolist()
     width = patch.shape[1]
     steps = [(-1, "off by one, as if counted from 1"), (1, "off by one, each too low")]
     if patch.kind == "sheet":
         steps += [(-width, "off by one row, each too high"), (width, "off by one row, each too low")]
     for by, words in steps:
-        yield Order(words, np.array([row_of.get(channel + by, -1) for channel in channels], np.int64))
+        others = [first + (channel + by) % (last - first + 1) for channel in channels]  # the last one follows the first
+        yield Order(words, np.array([row_of.get(other, -1) for other in others], np.int64))
 
 
 def _of_sheet(patch: Patch, rows: IntArray) -> Iterator[Order]:

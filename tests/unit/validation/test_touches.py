@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.common.errors import CalibrationFormatError
 from skin_calib_addon.validation import Touches, placements, read_touches, summarize
 from skin_calib_addon.validation.flat import flat_places
+from skin_calib_addon.validation.wiring import orders
 from tests.samples import RADIUS, boards, seven_boards, sheet, small_calibration
 
 ROWS, COLUMNS, PITCH = 6, 12, 0.01
@@ -289,6 +290,13 @@ def test_shifted_channels_are_no_shifted_skin(by, words, kind):
         assert "" in names and not found.wiring.is_certain
         warning = next(found.warnings())
         assert warning.message.startswith("The touches of sheet fit several orders of its channels: ")
+
+
+def test_shifted_channels_are_wired_round():
+    """On a skin of few taxels this decides between channels and columns that are off by one."""
+    found = {order.words: order.rows for order in orders(SHEET, np.array([0, 71]))}
+    assert found["off by one, as if counted from 1"].tolist() == [71, 70]
+    assert found["off by one, each too low"].tolist() == [1, 0]
 
 
 def test_order_of_wrenches_depends_on_the_side_that_they_push():
