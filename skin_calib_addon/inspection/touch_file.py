@@ -80,7 +80,8 @@ def read_touch_file(
     if left := len(times) - len(rows):
         of = " and ".join(probes)
         notes.append(f"{counted(left, 'reading')} of {len(times)} without a {of} within {MAX_GAP:g} s, left out")
-    return replace(touches_of(recorded, ids, calibration, path), notes=tuple(notes))
+    touches = touches_of(recorded, ids, calibration, path)
+    return replace(touches, notes=(*notes, *touches.notes))
 
 
 def _gaps(times: Array, stamps: Array) -> Array:

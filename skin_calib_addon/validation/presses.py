@@ -1,5 +1,6 @@
 """Which rows of a recording belong to which press: all rows of a press are one touch."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +24,9 @@ MAX_REST_FORCE = 0.2
 # valid readings decide; smaller: misses rare presses.
 USUAL_ROWS = 0.99
 PLATEAU = 0.8  # [fraction of the largest force of a press] from which on rows count. Larger: fewer rows.
+# [fraction of the force of the weaker press] down to which the force falls between two presses. Larger: a press of
+# changing force is several. Smaller: presses without a pause are one.
+MAX_PAUSE_FORCE = 0.5
 # [m] Successive rows of one taxel that are nearer than this to their mean are one press, if nothing else separates
 # presses. Larger: touches next to each other become one. Smaller: noise makes several of one.
 SAME_PLACE = 2e-3
@@ -83,15 +87,7 @@ def _tared(recorded: Recorded, numbers: IntArray, at_rest: BoolArray) -> Presses
 
 def _by_place(recorded: Recorded, centres: dict[str, Array]) -> IntArray:
     """Return a number for each run of rows of one taxel at one position."""
-    if recorded.points is not None:
-        places = recorded.points
-    else:
-        assert recorded.wrenches is not None
-        forces, moments = recorded.wrenches[:, :3], recorded.wrenches[:, 3:]
-        squares = np.maximum((forces**2).sum(axis=1), np.finfo(float).tiny)[:, None]
-        points = np.cross(forces, moments) / squares
-        arms = np.array([centres[name] for name in recorded.taxels.tolist()]) - points
-        places = points + ((arms * forces).sum(axis=1)[:, None] / squares) * forces
+    places = places_of(recorded, np.arange(len(recorded.lines)), recorded.taxels.tolist(), centres)
     numbers = np.zeros(len(places), np.int64)
     taxels = recorded.taxels.tolist()
     first = 0  # of the press
@@ -106,6 +102,18 @@ def _by_place(recorded: Recorded, centres: dict[str, Array]) -> IntArray:
         else:
             first, middle = k, places[k]
     return numbers
+
+
+def places_of(recorded: Recorded, rows: IntArray, taxels: Sequence[str], centres: dict[str, Array]) -> Array:
+    """Return the points (n, 3) of rows, or those of their lines of action nearest to the centres of taxels (n,) [m]."""
+    if recorded.points is not None:
+        return recorded.points[rows]
+    assert recorded.wrenches is not None
+    forces, moments = recorded.wrenches[rows, :3], recorded.wrenches[rows, 3:]
+    squares = np.maximum((forces**2).sum(axis=1), np.finfo(float).tiny)[:, None]
+    points = np.cross(forces, moments) / squares
+    arms = np.array([centres[name] for name in taxels]) - points
+    return np.asarray(points + ((arms * forces).sum(axis=1)[:, None] / squares) * forces)
 
 
 def _is_far(place: Array, middle: Array) -> bool:
@@ -131,7 +139,8 @@ def _by_force(recorded: Recorded, times: Array) -> Presses:
     sigma = 1.4826 * float(np.median(np.abs(rest - usual)))
     limit = usual + max(PRESS_SIGMA * sigma, MIN_PRESS_FORCE * float(smooth.max() - usual))
     count, sizes = 0, []
-    for first, last in _runs(smooth > limit):
+    runs = (part for run in _runs(smooth > limit) for part in _parts(smooth - usual, *run, limit - usual))
+    for first, last in runs:
         if times[last] - times[first] < MIN_PRESS_TIME:
             continue
         rows = np.arange(first, last + 1)
@@ -152,6 +161,24 @@ def _runs(is_on: BoolArray) -> list[tuple[int, int]]:
     """Return the first and last row of each run."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], is_on, [False])).astype(np.int8)))
     return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
+
+
+def _parts(force: Array, first: int, last: int, step: float) -> Iterator[tuple[int, int]]:
+    """Yield the first and last row of each press of a run: between them the force falls and rises by ``step`` or more.
+
+    It falls below a fraction of both presses, too.
+    """
+    peak, low = first, first  # rows of the largest force so far, and of the smallest after it
+    for k in range(first, last + 1):
+        if force[k] < force[low]:
+            low = k
+        rise = min(force[peak], force[k])
+        if force[low] < MAX_PAUSE_FORCE * rise and rise - force[low] >= step and peak < low < k:
+            yield first, low
+            first, peak, low = low + 1, k, k
+        if force[k] >= force[peak]:
+            peak = low = k
+    yield first, last
 
 
 def _low_pass(values: Array, times: Array) -> Array:

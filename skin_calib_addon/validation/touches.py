@@ -19,7 +19,7 @@ from ..common.file_hash import file_hash
 from ..common.findings import show
 from ..common.tables import TableError, find_column, names_without, naming_file, number_in, read_named_rows
 from ..common.text import read_text
-from .presses import Presses, Recorded, find_presses
+from .presses import PLATEAU, Presses, Recorded, find_presses, places_of
 from .tool import OF_LINK, OF_TOOL, ToolContacts, ToolPoses, ToolRows
 
 POINT = ("x", "y", "z")
@@ -40,6 +40,11 @@ MAX_FORCE = 2000.0
 MIN_FORCE = 0.1
 # Numbers of a table. It protects the memory. Larger: accepts longer sessions.
 MAX_NUMBERS = 2**26
+# [m] Distance of the last from the first third of a press from which on it is named. Larger: fewer notes.
+MAX_PRESS_MOTION = 3e-3
+MIN_MOTION_ROWS = 6  # of a press. Larger: less is said about short presses.
+# [standard errors] of this distance. Larger: fewer notes about weak presses, whose lines of action are noisy.
+MIN_MOTION_SIGMA = 5.0
 # Touches of a file. Larger: more time.
 MAX_TOUCHES = 5000
 
@@ -129,7 +134,9 @@ def touches_of(
             'presses, give the time or the number of the press in a column "time" or "press".'
         )
     with naming_file(path):
-        return replace(_touches(presses, felt, columns, find_contacts), sha256=file_hash(Path(path)) or "")
+        found = _touches(presses, felt, columns, find_contacts)
+    notes = _moving(presses, found, _centres(calibration))
+    return replace(found, sha256=file_hash(Path(path)) or "", notes=notes)
 
 
 class _Columns(NamedTuple):
@@ -262,10 +269,7 @@ def _touches(
 ) -> Touches:
     """Return the medians of all presses."""
     recorded, numbers = presses.recorded, presses.numbers
-    order = np.argsort(numbers, kind="stable")
-    order = order[numbers[order] >= 0]
-    groups = np.split(order, np.flatnonzero(np.diff(numbers[order])) + 1)
-    groups.sort(key=lambda rows: int(rows[0]))
+    groups = _groups(numbers)
     readings = _medians(recorded.readings, groups) if felt else np.empty((0, 0))
     if columns is None or columns.owner is None:
         taxels = tuple(felt[k] for k in readings.argmax(axis=1))
@@ -301,6 +305,39 @@ def _touches(
         recording=presses,
         tool=tool,
     )
+
+
+def _groups(numbers: IntArray) -> list[IntArray]:
+    """Return the rows of each press, in the order of the first ones."""
+    order = np.argsort(numbers, kind="stable")
+    order = order[numbers[order] >= 0]
+    groups = np.split(order, np.flatnonzero(np.diff(numbers[order])) + 1)
+    return sorted(groups, key=lambda rows: int(rows[0]))
+
+
+def _moving(presses: Presses, touches: Touches, centres: dict[str, Array]) -> tuple[str, ...]:
+    """Return a note about presses whose point of touch moves: they slide, or are several."""
+    recorded, farthest, lines = presses.recorded, 0.0, list[int]()
+    if recorded.tool is not None:  # whose origin moves if it turns about its tip
+        return ()
+    for taxel, rows in zip(touches.taxels, _groups(presses.numbers)):
+        if recorded.wrenches is not None:  # weak forces have no reliable line of action
+            forces = np.linalg.norm(recorded.wrenches[rows, :3], axis=1)
+            rows = rows[forces >= PLATEAU * forces.max()]
+        if len(rows) < MIN_MOTION_ROWS:
+            continue
+        places = places_of(recorded, rows, [taxel] * len(rows), centres)
+        part = len(rows) // 3
+        moved = float(np.linalg.norm(np.median(places[-part:], axis=0) - np.median(places[:part], axis=0)))
+        noise = float(np.median(np.linalg.norm(np.diff(places, axis=0), axis=1)))  # of the difference of two rows
+        if moved > max(MAX_PRESS_MOTION, MIN_MOTION_SIGMA * noise * part**-0.5):
+            farthest = max(farthest, moved)
+            lines.append(int(recorded.lines[rows[0]]))
+    if not lines:
+        return ()
+    count = f"{len(lines)} of {len(touches.taxels)} presses"
+    message = f"the point of touch moves by up to {farthest * 1e3:.0f} mm in {count}, the first from line {lines[0]} on"
+    return (f"{message}: they slide, or are several. Press without sliding, with pauses, or number the presses",)
 
 
 def lines_of_action(wrenches: Array) -> tuple[Array, Array]:

@@ -70,6 +70,29 @@ def test_presses_are_found_from_the_force_over_time(tmp_path):
     assert 0.003 < found.force_noise < 0.03
 
 
+def test_presses_with_short_pauses_are_several(tmp_path):
+    """The low pass leaves a dip. Presses without a pause are one, which moves; so is one that slides."""
+    shape = np.concatenate((np.linspace(0.1, 1, 8), np.ones(40), np.linspace(1, 0.1, 8)))
+    rng, force = np.random.default_rng(0), (0.0, 0.0, -6.0)
+
+    def found(parts, places):
+        factor = np.concatenate((np.zeros(120), *parts, np.zeros(50)))
+        at = np.concatenate((np.zeros(120), *places, np.zeros(50)))
+        forces = factor[:, None] * force + rng.normal(0, 0.02, (len(at), 3))
+        rows = [(k / 100, IDS[0], *f, 0, 6 * x * z, 0) for k, (f, x, z) in enumerate(zip(forces, at, factor))]
+        return read(tmp_path, ("time", "taxel", "fx", "fy", "fz", "tx", "ty", "tz"), rows)
+
+    count, x = len(shape), np.full(len(shape), 0.01)
+    three = found((shape, np.zeros(10), 0.6 * shape, np.zeros(10), shape), (x, np.zeros(10), 2 * x, np.zeros(10), x))
+    assert_allclose(three.wrenches[:, 2], (-6, -3.6, -6), atol=0.1)
+    assert three.notes == ()
+    one = found((shape[:-8], shape[8:]), (x[:-8], 2 * x[8:]))
+    assert len(one.taxels) == 1
+    assert one.notes[0].startswith("the point of touch moves by up to 10 mm in 1 of 1 presses, the first from line 1")
+    slides = found((shape,), (np.linspace(0, 0.02, count),))
+    assert slides.notes and found((shape,), (x,)).notes == ()
+
+
 def test_presses_are_found_from_the_sum_of_the_readings(tmp_path):
     """The rest of each taxel is removed, and the strongest one of a press is its taxel."""
     time, factor, number = session()
