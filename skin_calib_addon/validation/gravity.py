@@ -4,10 +4,11 @@ At rest an accelerometer measures the specific force, which is opposite to gravi
 
 .. math::
 
-    \mathbf{a}_j = \mathbf{o} - R^T \mathbf{g}_j
+    \mathbf{a}_j = \mathbf{o} - S R^T \mathbf{g}_j
 
-with the offset :math:`\mathbf{o}` of the sensor and the rotation :math:`R` of its axes to the link frame. Relative
-to the means over all postures there is no offset, and :math:`R` is the solution of Wahba's problem (Kabsch, 1976).
+with the offset :math:`\mathbf{o}` of the sensor, the scales :math:`S` of its axes, and their rotation :math:`R` to the
+link frame. Relative to the means over all postures there is no offset. For given scales :math:`R` is the solution of
+Wahba's problem (Kabsch, 1976), and scales and rotation follow by turns.
 """
 
 import os
@@ -35,6 +36,10 @@ MIN_POSTURES = 4  # of a taxel: three leave the offset open. Larger: refuses sho
 MIN_SPREAD = 0.1
 # [1] Ratio of measured and true changes of gravity that a sensor can have. Wider: accepts wrong units.
 MAX_SCALE_ERROR = 0.15
+# Postures from which on the scales of the axes are unknowns: fewer hardly determine them. Larger: errors of the scales
+# turn boards.
+MIN_SCALE_POSTURES = 7
+SCALE_STEPS = 30  # of scales and rotation by turns. Larger: no effect.
 # [1] Residual relative to gravity from which on the link was not at rest. Larger: fewer refusals.
 MAX_RESIDUAL = 0.2
 # [1] Largest distance of the directions of gravity in successive rows of one posture, which count once: .5 degrees.
@@ -98,7 +103,7 @@ def read_orientations(path: str | os.PathLike[str], calibration: LinkCalibration
     frames = np.concatenate((axes, normals[:, None]), axis=1).swapaxes(1, 2)  # as columns
     with naming_file(path):
         fits = [_fit(name, frame, rows) for (name, rows), frame in zip(of.items(), frames)]
-    noise = np.sqrt(sum(f.squares for f in fits) / sum(3 * f.postures - 6 for f in fits))
+    noise = np.sqrt(sum(f.squares for f in fits) / sum(f.degrees for f in fits))
     return tuple(
         Orientation(
             name,
@@ -151,6 +156,7 @@ class _Fit(NamedTuple):
     geometry: Array  # (3, 3) inverse covariance of the rotation, for accelerations with the noise 1 m/s^2
     squares: float  # of the residuals [m^2/s^4]
     postures: int
+    degrees: int  # of freedom of the residuals
 
 
 def _fit(taxel: str, axes: Array, rows: list[tuple[int, list[float]]]) -> _Fit:
@@ -167,13 +173,8 @@ def _fit(taxel: str, axes: Array, rows: list[tuple[int, list[float]]]) -> _Fit:
     if count < MIN_POSTURES or np.linalg.svd(b, compute_uv=False)[2] < MIN_SPREAD * GRAVITY * np.sqrt(count):
         message = f"the {count} postures of the taxel {show(taxel)} leave its orientation open"
         raise TableError(first, f"{message}. Turn the link so that gravity points to all sides")
-    left, values, right = np.linalg.svd(b.T @ a)
-    scale = float(values.sum() / (b**2).sum())
-    if abs(scale - 1) > MAX_SCALE_ERROR:
-        message = f"the accelerations of the taxel {show(taxel)} change by {scale:.3g} of what gravity does"
-        raise TableError(first, f"{message}. Name their unit, [m/s^2] or [g], and keep the link at rest")
-    is_mirrored = np.linalg.det(left @ right) < 0
-    rotation = left @ np.diag((1.0, 1.0, -1.0 if is_mirrored else 1.0)) @ right
+    rotation, size, is_mirrored = _wahba(a, b)
+    _check_scale(size / float((b**2).sum()), taxel, first)
     squares = float(((a - b @ rotation) ** 2).sum())
     if squares > 3 * count * (MAX_RESIDUAL * GRAVITY) ** 2:
         message = f"the accelerations of the taxel {show(taxel)} do not fit gravity"
@@ -181,5 +182,33 @@ def _fit(taxel: str, axes: Array, rows: list[tuple[int, list[float]]]) -> _Fit:
         if is_mirrored:
             reason = "one or all axes have the opposite sign; at rest accelerations point up, and gravity points down"
         raise TableError(first, f"{message}: {reason}")
-    offset = measured.mean(axis=0) - up.mean(axis=0) @ rotation
-    return _Fit(rotation, offset, np.eye(3) * (b**2).sum() - b.T @ b, squares, count)
+    scales, geometry, degrees = np.ones(3), np.eye(3) * (b**2).sum() - b.T @ b, 3 * count - 6
+    if count >= MIN_SCALE_POSTURES:
+        for _ in range(SCALE_STEPS):
+            along = b @ rotation
+            scales = (a * along).sum(axis=0) / (along**2).sum(axis=0)
+            rotation, _, _ = _wahba(a / scales, b)
+        _check_scale(scales[np.abs(scales - 1).argmax()], taxel, first)
+        along = b @ rotation
+        turning = (np.cross(np.eye(3), b[:, None]) @ rotation).transpose(0, 2, 1).reshape(-1, 3)
+        scaling = (along[:, :, None] * np.eye(3)).reshape(-1, 3)
+        both = scaling.T @ turning
+        geometry, degrees = geometry - both.T @ np.linalg.solve(scaling.T @ scaling, both), degrees - 3
+        squares = float(((a - scales * along) ** 2).sum())
+    offset = measured.mean(axis=0) - scales * (up.mean(axis=0) @ rotation)
+    return _Fit(rotation, offset, geometry, squares, count, degrees)
+
+
+def _wahba(a: Array, b: Array) -> tuple[Array, float, bool]:
+    """Return the rotation with ``a ~ b @ rotation``, the size of their product, and whether a reflection fits better."""
+    left, values, right = np.linalg.svd(b.T @ a)
+    is_mirrored = bool(np.linalg.det(left @ right) < 0)
+    rotation = left @ np.diag((1.0, 1.0, -1.0 if is_mirrored else 1.0)) @ right
+    return rotation, float(values.sum()), is_mirrored
+
+
+def _check_scale(scale: float, taxel: str, line: int) -> None:
+    """Check that accelerations change as gravity does."""
+    if abs(scale - 1) > MAX_SCALE_ERROR:
+        message = f"the accelerations of the taxel {show(taxel)} change by {scale:.3g} of what gravity does"
+        raise TableError(line, f"{message}. Name their unit, [m/s^2] or [g], and keep the link at rest")
