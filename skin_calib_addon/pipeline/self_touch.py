@@ -13,6 +13,7 @@ from ..geometry.blas_threads import one_blas_thread
 from ..geometry.surface.footpoints import footpoints
 from ..skin.uncertainty import MAX_DIRECTION_UNCERTAINTY, MIN_ORIGIN_UNCERTAINTY
 from ..validation.flat import flat_places, link_point
+from ..validation.planning import moves_of
 from ..validation.self_touch import SelfTouch
 from .calibrate import surface_of
 from .refine import rms, today, triples
@@ -87,11 +88,14 @@ def _with_registration(patch: Patch, found: SelfTouch, k: int) -> Patch:
     if patch.kind == "imported":
         anchor = patch.taxels.positions_link.mean(axis=0)
         origin, direction = (np.sqrt(np.linalg.eigvalsh(covariance[a, a])[-1]) for a in (slice(3), slice(3, 6)))
-    else:  # about the point where shift and rotation are independent
-        x, y = covariance[:2, 2] / covariance[2, 2]
-        anchor = link_point(patch, flat_places(patch, patch.taxels.index).mean(axis=0) + (-y, x))
-        rest = covariance[:2, :2] - np.outer(covariance[:2, 2], covariance[:2, 2]) / covariance[2, 2]
-        origin, direction = (np.sqrt(np.linalg.eigvalsh(part)[-1]) for part in (rest, covariance[2:, 2:]))
+    else:  # about the taxel next to the middle of the touches: the point of independent errors may be off the skin
+        flat = flat_places(patch, patch.taxels.index)
+        arms, sides = flat - flat.mean(axis=0), (found.model.felt, found.model.skins)
+        touched = np.concatenate([side.arms[side.patches == k] for side in sides])
+        row = int(((arms - (touched.mean(axis=0) if len(touched) else 0.0)) ** 2).sum(axis=1).argmin())
+        anchor, move = patch.taxels.positions_link[row], moves_of(arms[row : row + 1])[0]
+        parts = move @ covariance @ move.T, covariance[2:, 2:]
+        origin, direction = (np.sqrt(np.linalg.eigvalsh(part)[-1]) for part in parts)
         patch = replace(patch, touches=_touched(found, k, patch) or patch.touches)
     limits = max(float(origin), MIN_ORIGIN_UNCERTAINTY), min(float(direction), MAX_DIRECTION_UNCERTAINTY)
     return replace(patch, registration=Registration(*limits, point_of(anchor)))

@@ -188,6 +188,20 @@ def test_moved_skins_state_their_registration(robot, skins, touches, tmp_path):
     assert np.linalg.eigvalsh(stated.covariance)[0] > 0
 
 
+def test_anchor_of_the_registration_is_on_the_skin(robot, skins, touches, tmp_path):
+    """Also if touches of a corner leave the point where shift and rotation are independent outside of the skin."""
+    corner = [(angles, row) for angles, row in touches if row % 12 < 5 and row < 60]
+    found = fit_self_touch(robot, session(tmp_path, table(corner), robot, skins))
+    (patch,) = moved_skins(found, skins)["trunk"].patches
+    taxels, C = patch.taxels, found.covariance_of(0)
+    away = np.linalg.norm(taxels.positions_link - patch.registration.anchor, axis=1)
+    assert away.min() == 0.0
+    axes, anchor = taxels.axes_link[away.argmin()], found.displacements(0)[1][away.argmin()]
+    along = np.linalg.eigvalsh(axes @ anchor @ axes.T)[-1]  # of this taxel as the touches show it
+    assert patch.registration.origin == pytest.approx(np.sqrt(along), rel=0.02)
+    assert patch.registration.direction == pytest.approx(np.sqrt(C[2, 2]))
+
+
 def test_uncertainty_of_earlier_touches_stays(robot, skins, touches, tmp_path):
     """Their registration states the largest error; without it nothing would be left of that of a taxel."""
     first = moved_skins(fit_self_touch(robot, session(tmp_path, table(touches), robot, skins)), skins)
