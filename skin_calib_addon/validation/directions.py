@@ -230,7 +230,8 @@ def _robust(rows: Array, values: Array) -> tuple[Array, Array, float]:
 
     .. math::
 
-        C = \frac{\sum w^2 r^2 / (n - k)}{\bigl( \frac{1}{n} \sum w^2 (1 - r^2 / s^2) \bigr)^2}\, (A^T A)^{-1}
+        C = K^2\, \frac{\sum w^2 r^2 / (n - k)}{\bar{d}^2}\, (A^T A)^{-1}, \qquad
+        K = 1 + \frac{k}{n} \frac{\mathrm{var}(d)}{\bar{d}^2}, \qquad d = w^2 (1 - r^2 / s^2)
     """
     prior = np.eye(3) / USUAL_OFFSET**2
     found = np.zeros(3)
@@ -244,7 +245,9 @@ def _robust(rows: Array, values: Array) -> tuple[Array, Array, float]:
         found = np.linalg.solve(normal, rows.T @ (weights * values) / spread**2)
     residuals = values - rows @ found
     weights = 1 / (1 + (residuals / scale) ** 2)
-    slope = float((weights**2 * (1 - (residuals / scale) ** 2)).mean())
-    variance = float((weights**2 * residuals**2).sum()) / max(len(values) - 3, 1) / max(slope, 1e-3) ** 2
+    slopes = weights**2 * (1 - (residuals / scale) ** 2)
+    slope = max(float(slopes.mean()), 1e-3)
+    few = 1 + 3 / len(values) * float(slopes.var()) / slope**2
+    variance = few**2 * float((weights**2 * residuals**2).sum()) / max(len(values) - 3, 1) / slope**2
     covariance = np.linalg.inv(rows.T @ rows / max(variance, tiny**2) + prior)
     return found, covariance, spread
