@@ -124,9 +124,9 @@ def touches_of(
     find_contacts: FindContacts | None = None,
 ) -> Touches:
     """Return the touches in the rows of a file; ``felt`` has the ids of taxels with readings, ``columns`` a table."""
+    taxels = [patch.taxels for patch in calibration.patches]
+    centres = {name: at for part in taxels for name, at in zip(part.ids, part.positions_link)}
     with naming_file(path):
-        taxels = [patch.taxels for patch in calibration.patches]
-        centres = {name: at for part in taxels for name, at in zip(part.ids, part.positions_link)}
         presses = find_presses(recorded, centres)
     if (count := len(np.unique(presses.numbers[presses.numbers >= 0]))) > MAX_TOUCHES:
         raise CalibrationFormatError(
@@ -135,7 +135,7 @@ def touches_of(
         )
     with naming_file(path):
         found = _touches(presses, felt, columns, find_contacts)
-    notes = _moving(presses, found, _centres(calibration))
+    notes = _moving(presses, found, centres)
     return replace(found, sha256=file_hash(Path(path)) or "", notes=notes)
 
 

@@ -143,7 +143,10 @@ def test_times_of_arrival_replace_those_of_the_sender(calibration, recording, tm
         (["--input", "udp:5005", "--output", "mcap"], "'mcap' is not dds, mcap:FILE or udp:HOST:PORT"),
         (["--input", "udp:5005", "--output", "dds", "--tare", "5", "--noise", "n"], "give one of them"),
         (["--input", "udp:5005", "--output", "mcap:none/x.mcap"], "Create it first"),
-        (["--input", "serial:tty:0", "--output", "dds"], "'serial:tty:0' does not end with a baud rate, 1 to 2147483647"),
+        (
+            ["--input", "serial:tty:0", "--output", "dds"],
+            "'serial:tty:0' does not end with a baud rate, 1 to 2147483647",
+        ),
         (["--input", "serial:tty:2147483648", "--output", "dds"], "does not end with a baud rate"),
         (["--input", "udp:5005", "--output", "dds", "--output", "dds"], "one of them is given twice"),
         (["--input", "udp:5005", "--output", "udp:127.0.0.1:5005"], "one of them is given twice"),

@@ -317,7 +317,10 @@ def test_next_touch_is_possible_and_says_most(robot, skins, touches, tmp_path):
 
 
 BAD = {
-    "missing joint": (lambda t: t.replace("elbow [deg]", "other"), "has no column of elbow, between trunk and hand. Add"),
+    "missing joint": (
+        lambda t: t.replace("elbow [deg]", "other"),
+        "has no column of elbow, between trunk and hand. Add",
+    ),
     "unknown joint": (
         lambda t: t.replace("elbow [deg]", "elbw [deg]"),
         'line 2, column 5: bot.urdf has no joint "elbw"',
