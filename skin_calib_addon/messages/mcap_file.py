@@ -99,10 +99,7 @@ class McapSkin:
     def add(self, readings: Mapping[str, Array], frame: Frame, cycle: int, lost: int = 0) -> None:
         """Write the readings (channels,) of a cycle by their quantities, and the frame that they gave.
 
-        Raises
-        ------
-        InvalidReading
-            If the time of the frame is not finite, or does not fit into a message.
+        A time of the frame that is not finite, or does not fit into a message, raises an InvalidReading.
         """
         for name, reading in readings.items():
             message = reading_message(self._link, reading, frame.time, cycle, lost, self._checksum, name)

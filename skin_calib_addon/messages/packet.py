@@ -36,13 +36,7 @@ class Reading:
 
 
 def packet(values: Any, cycle: int, time_us: int, bits: int = 16, session: int = 0) -> bytes:
-    """Return the packet of a reading (channels,) of whole numbers.
-
-    Raises
-    ------
-    ValueError
-        If a reading does not fit into the bits.
-    """
+    """Return the packet of a reading (channels,) of whole numbers; one that does not fit raises ValueError."""
     numbers = np.asarray(values)
     if bits not in BITS or numbers.dtype.kind not in "ui" or ((numbers < 0) | (numbers >= 1 << bits)).any():
         raise ValueError(f"readings of {bits} bits must be whole numbers from 0 to {(1 << bits) - 1}")
@@ -76,25 +70,15 @@ class Decoder:
     """Find packets in bytes that may be cut, damaged, repeated or mixed with others, and count what is wrong.
 
     A reading is returned only if both of its checksums are right, and once. Readings are in the order of their cycles.
-
-    Attributes
-    ----------
-    received : int
-        Readings that were returned.
-    lost : int
-        Readings that are missing between them, by their cycles.
-    old : int
-        Packets that came again, or after a later one. They are not returned.
-    damaged : int
-        Packets with a right header, and wrong or missing readings.
-    skipped : int
-        Bytes that belong to no packet with a right header.
-    restarts : int
-        Changes of the session, and cycles that begin again: the sender has started again.
     """
 
     def __init__(self) -> None:
-        self.received = self.lost = self.old = self.damaged = self.skipped = self.restarts = 0
+        self.received = 0  # readings that were returned
+        self.lost = 0  # readings that are missing between them, by their cycles
+        self.old = 0  # packets that came again, or after a later one; they are not returned
+        self.damaged = 0  # packets with a right header, and wrong or missing readings
+        self.skipped = 0  # bytes that belong to no packet with a right header
+        self.restarts = 0  # changes of the session, and cycles that begin again: the sender has started again
         self._buffer = bytearray()
         self._session: int | None = None
         self._last = 0  # cycle of the sender
@@ -104,10 +88,7 @@ class Decoder:
     def feed(self, data: bytes, is_datagram: bool = False) -> list[Reading]:
         """Return the readings that are complete after these bytes; a datagram ends with its packet.
 
-        Raises
-        ------
-        CalibrationFormatError
-            If a packet has a version or a number of bits that this program does not know.
+        A packet of an unknown version or number of bits raises a CalibrationFormatError.
         """
         buffer, readings = self._buffer, []
         buffer += data

@@ -35,18 +35,8 @@ def lost_forces(
 ) -> tuple[Array, str | None]:
     """Return what each taxel without a valid reading may carry (n,) [N], and why the sums say nothing, or None.
 
-    Parameters
-    ----------
-    skin : SkinGeometry
-        Of the taxels.
-    pushes : array, shape (n,)
-        Parts of the sums; 0 where they are not known [N].
-    known : array of bool, shape (n,)
-        Whether a taxel has a valid force.
-    live : array of bool, shape (n,)
-        Whether it is neither masked nor dead: only such taxels count with what they carried last.
-    last : array, shape (n,)
-        What each of them carried last [N]; NaN if that is unknown.
+    ``pushes`` (n,) [N] are parts of the sums, 0 where they are not known; ``known`` (n,) have a valid force. Taxels
+    that are ``live`` (n,), neither masked nor dead, count with what they carried ``last`` (n,) [N], NaN if unknown.
     """
     missing = ~known & live
     bounds = np.where(known, 0.0, np.maximum(skin.filled(pushes, known), np.where(missing, np.nan_to_num(last), 0.0)))

@@ -34,10 +34,7 @@ def save_noise(path: str | os.PathLike[str], calibration: str, link: str, baseli
 def load_noise(path: str | os.PathLike[str], calibration: str, sign: Array) -> tuple[Array, Noise | None]:
     """Read baseline (n,) and noise of a skin with this checksum of its calibration, and these signs (n,) of responses.
 
-    Raises
-    ------
-    CalibrationFormatError
-        If the file is invalid, or of another calibration; ``findings`` has every problem.
+    If it is invalid, or of another calibration, raise a CalibrationFormatError whose ``findings`` have every problem.
     """
     document, findings = parse(read(path))
     findings = tuple(findings) or check_noise(document) or tuple(_of_another(document, calibration, sign))

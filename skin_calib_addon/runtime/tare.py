@@ -55,20 +55,7 @@ def judged(
 ) -> tuple[Array, tuple[str, ...]]:
     """Return the forces (n,) of a rest by the responses [N], and why it may be no rest, or in another unit.
 
-    Parameters
-    ----------
-    rest : LearnedRest
-        What the readings say.
-    rows : array, shape (frames, n)
-        The readings; NaN where a taxel has none.
-    dtype : dtype
-        In which they were given.
-    responses : TaxelResponses
-        Of the taxels.
-    alive : array of bool, shape (n,)
-        Whether a taxel is not masked.
-    skin : SkinGeometry
-        Of the taxels.
+    ``rows`` (frames, n) are the readings, given as ``dtype``, NaN where a taxel has none; ``alive`` (n,) not masked.
     """
     mean = np.where(np.isfinite(rest.mean) & alive, rest.mean, responses.rest)
     forces, noise = np.nan_to_num(responses.forces(mean)), rest.noise
@@ -83,18 +70,9 @@ def judged(
 
 
 def warnings_of_load(skin: SkinGeometry, forces: Array, is_off: BoolArray, limit: float) -> tuple[str, ...]:
-    """Return why readings at rest may be those under a load.
+    """Return why readings at rest, with these mean forces (n,) [N], may be those under a load.
 
-    Parameters
-    ----------
-    skin : SkinGeometry
-        Of the taxels.
-    forces : array, shape (n,)
-        Of the mean readings, by the responses [N].
-    is_off : array of bool, shape (n,)
-        Whether the mean of a taxel is off the reading without force.
-    limit : float
-        Force that the noise of all taxels hides [N].
+    ``is_off`` (n,): the mean of a taxel is off the reading without force. The noise of all taxels hides ``limit`` [N].
     """
     total = float(forces.sum())
     if not is_off.any() and total <= limit:
@@ -112,16 +90,9 @@ def warnings_of_load(skin: SkinGeometry, forces: Array, is_off: BoolArray, limit
 
 
 def warnings_of_unit(rows: Array, dtype: np.dtype, rest: Array, full: Array) -> tuple[str, ...]:
-    """Return why readings (frames, n) may not be in the unit of their response.
+    """Return why readings (frames, n), NaN where a taxel has none, may not be in the unit of their response.
 
-    Parameters
-    ----------
-    rows : array, shape (frames, n)
-        NaN where a taxel has none.
-    dtype : dtype
-        In which the readings were given.
-    rest, full : array, shape (n,)
-        Readings without force, and at the end of the range of the response; infinite without a range.
+    ``rest`` and ``full`` (n,) are those without force, and at the end of its range; infinite without a range.
     """
     found = []
     ends = np.concatenate((rest, full))[np.isfinite(np.concatenate((full, full)))]  # of responses with a range

@@ -70,26 +70,13 @@ def _responses(calibration: "LinkCalibration") -> dict[str, Array]:
 
 
 def evaluate(xp: ModuleType, c: dict[str, Any], readings: Any, rounds: int = 32) -> dict[str, Any]:
-    """Return the results of many readings, as arrays of the namespace ``xp``.
+    """Return the results of readings (T, channels) as arrays of ``xp``, a namespace such as ``jax.numpy``.
 
-    Parameters
-    ----------
-    xp : module
-        Namespace of the array API, such as ``numpy``, ``jax.numpy`` or ``array_api_compat.torch``.
-    c : dict
-        Of :func:`constants`, converted.
-    readings : array, shape (T, channels)
-        In the precision of the constants.
-    rounds : int
-        Number of times that contacts pass their number to neighbours. A contact with a longer path inside counts as
-        several.
-
-    Returns
-    -------
-    dict
-        ``forces`` (T, n) [N], ``known``, ``active`` (T, n), ``contact_counts`` (T,), ``wrench`` (T, 6) [N, N m],
-        ``load`` (T,) [N], ``stands`` (T,), ``cop`` and ``zmp`` (T, 2) [m]. A row in which a live taxel has no valid
-        force has no wrench (NaN): a single one cannot be left out without its past.
+    ``c`` has the constants of :func:`constants`, converted. Contacts pass their number to neighbours ``rounds`` times:
+    one with a longer path inside counts as several. The results are ``forces`` (T, n) [N], ``known``, ``active`` (T,
+    n), ``contact_counts`` (T,), ``wrench`` (T, 6) [N, N m], ``load`` (T,) [N], ``stands`` (T,), ``cop`` and ``zmp``
+    (T, 2) [m]. A row in which a live taxel has no valid force has no wrench (NaN): a single one cannot be left out
+    without its past.
     """
     raw = xp.take(readings, c["channels"], axis=1)
     zero, nan = xp.zeros_like(raw), xp.asarray(xp.nan, dtype=raw.dtype)

@@ -77,22 +77,7 @@ class Region:
     def moved(self, before: Parametrization, mesh: TriangleMesh) -> Parametrization:
         """Return the parametrization on a mesh that differs little from an earlier one, about the same axis.
 
-        Parameters
-        ----------
-        before : TubeParametrization or FaceParametrization
-            On the earlier mesh.
-        mesh : TriangleMesh
-            The mesh, [m] in the link frame.
-
-        Returns
-        -------
-        TubeParametrization or FaceParametrization
-            With a boundary, the earlier one: a boundary does not depend on the mesh.
-
-        Raises
-        ------
-        InvalidPlan, EmptySection
-            If the region is not on the mesh.
+        With a boundary it is the earlier one: a boundary does not depend on the mesh.
         """
         return before if self.boundary else self._about_axis_of(before, mesh)
 
