@@ -227,8 +227,3 @@ class LinkCalibration:
     def taxel_count(self) -> int:
         """Number of taxels of all patches."""
         return sum(len(patch.taxels.ids) for patch in self.patches)
-
-    def of_taxels(self, ids: Iterable[str], name: str) -> Array:
-        """Return the rows of the field ``name`` of `TaxelArray` for taxels of any patches."""
-        rows = {id: row for p in self.patches for id, row in zip(p.taxels.ids, getattr(p.taxels, name))}
-        return np.array([rows[id] for id in ids])

@@ -23,7 +23,7 @@ from ..calibration.response_fit import HYSTERESIS_STANDARD_ERRORS, POOR_RESIDUAL
 from ..common.arrays import Array, BoolArray, unit
 from ..common.errors import UnderdeterminedFit
 from ..common.warnings import Place, Warning
-from .touches import Touches
+from .touches import Touches, of_taxels
 
 MIN_PRESSES = 10  # Larger: refuses short sessions.
 KNOT_COUNTS = (1, 2, 4, 8, 12)  # Intervals of curves that are compared. More: slower, and curves with more bends.
@@ -173,7 +173,7 @@ def _table(knots: Array, heights: Array, sign: int, rest: float) -> ResponseTabl
 
 def _directions(calibration: LinkCalibration, touches: Touches) -> tuple[Array, Array]:
     """Return the directions of forces (m, 3), along the mean normals, and cosines (m, k) of these with the taxels'."""
-    normals = calibration.of_taxels(touches.felt, "normals_link")
+    normals = of_taxels(calibration, touches.felt, "normals_link")
     mean = unit(np.maximum(touches.readings, 0.0) @ normals)
     is_reaction = np.median((touches.wrenches[:, :3] * mean).sum(axis=1)) > 0
     return (mean if is_reaction else -mean), mean @ normals.T

@@ -26,7 +26,7 @@ from ..common.findings import show
 from ..common.tables import TableError, find_column, naming_file, number_in, read_named_rows
 from ..common.text import read_text
 from ..common.warnings import Place, Warning
-from .touches import with_unit
+from .touches import of_taxels, with_unit
 
 ACCELERATION, DIRECTION = ("ax", "ay", "az"), ("gx", "gy", "gz")
 GRAVITY = 9.80665  # [m/s^2]
@@ -99,7 +99,7 @@ def read_orientations(path: str | os.PathLike[str], calibration: LinkCalibration
             of.setdefault(owner.taxel(row, line), []).append((line, numbers))
     if not of:
         raise CalibrationFormatError(f"'{path}' has no row below its header")
-    axes, normals = (calibration.of_taxels(of, name) for name in ("axes_link", "normals_link"))
+    axes, normals = (of_taxels(calibration, of, name) for name in ("axes_link", "normals_link"))
     frames = np.concatenate((axes, normals[:, None]), axis=1).swapaxes(1, 2)  # as columns
     with naming_file(path):
         fits = [_fit(name, frame, rows) for (name, rows), frame in zip(of.items(), frames)]

@@ -4,7 +4,7 @@ import os
 import re
 from array import array
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -338,6 +338,13 @@ def _moving(presses: Presses, touches: Touches, centres: dict[str, Array]) -> tu
     count = f"{len(lines)} of {len(touches.taxels)} presses"
     message = f"the point of touch moves by up to {farthest * 1e3:.0f} mm in {count}, the first from line {lines[0]} on"
     return (f"{message}: they slide, or are several. Press without sliding, with pauses, or number the presses",)
+
+
+def of_taxels(calibration: LinkCalibration, ids: Iterable[str], name: str) -> Array:
+    """Return the rows of the field ``name`` of `TaxelArray` for taxels of any patches."""
+    taxels = [patch.taxels for patch in calibration.patches]
+    rows = {id: row for part in taxels for id, row in zip(part.ids, getattr(part, name))}
+    return np.array([rows[id] for id in ids])
 
 
 def lines_of_action(wrenches: Array) -> tuple[Array, Array]:
