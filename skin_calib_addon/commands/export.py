@@ -25,7 +25,7 @@ from ..common.errors import OutputError, counted
 from ..common.strict_json import read
 from ..common.warnings import Warning, worst_first
 from ..pipeline.robot_folder import load_with_urdf
-from ..robot.mjcf import MARK, robot_mjcf
+from ..robot.mjcf import MARK, RobotModel, robot_mjcf
 from .common import (
     DONE,
     WRONG_DATA,
@@ -129,6 +129,12 @@ def _export_robot(options: argparse.Namespace) -> int:
         f"{options.output}: {robot.robot} with {counted(taxels, 'taxel')} on {counted(len(known), 'link')}; "
         f"{len(model.meshes)} mesh files in {mesh_folder.name}; sensors are named LINK/ID"
     )
+    _say_changes(model)
+    return WRONG_DATA if problems or model.problems or model.dead else DONE
+
+
+def _say_changes(model: RobotModel) -> None:
+    """Print what differs from the URDF, and which taxels feel no press."""
     if model.uncovered:
         say(f"collision shapes that would hide skin are switched off: {', '.join(model.uncovered)}")
     for (link, other), count in model.covered.items():
@@ -148,7 +154,6 @@ def _export_robot(options: argparse.Namespace) -> int:
             "no rigid body has the inertia that the URDF states; the model has the nearest possible: "
             f"{', '.join(model.balanced)}"
         )
-    return WRONG_DATA if problems or model.problems or model.dead else DONE
 
 
 def _export_ros_package(options: argparse.Namespace) -> int:

@@ -1,6 +1,7 @@
 """``touches``: compare a calibration with measured touches, and refine the poses of its skins."""
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 
 from ..calibration.file import load_calibration
@@ -9,6 +10,7 @@ from ..calibration.robot_set import is_robot
 from ..common.errors import InvalidPlan
 from ..common.strict_json import parse, read
 from ..common.tables import has_columns
+from ..common.warnings import Warning
 from ..inspection.touch_file import read_touch_file
 from ..pipeline import calibrate
 from ..pipeline.refine import refine
@@ -16,7 +18,7 @@ from ..pipeline.sources import mesh_of
 from ..pipeline.touch_distance import check_touches
 from ..plan import FORMAT, load_plan, named_from, save_plan
 from ..robot.link_mesh import load_plan_mesh
-from ..validation import Placement, directions_of, placements, summarize
+from ..validation import Directions, Placement, Touches, directions_of, placements, summarize
 from ..validation.gravity import ACCELERATION, read_orientations, rotated
 from .common import DONE, check_outputs, file_name, named_path, not_empty, say, say_unused, warn
 
@@ -74,21 +76,10 @@ def run(options: argparse.Namespace) -> int:
     check_touches(calibration, touches)
     found = placements(calibration, touches)
     directions, _ = directions_of(calibration, touches)
-    say(f"link             {calibration.link}, {calibration.taxel_count} taxels")
-    rows = f" in {touches.rows} rows" if touches.rows != len(touches.taxels) else ""
-    say(f"touches          {len(touches.taxels)}{rows}, of {len(set(touches.taxels))} taxels")
-    say_unused(touches.unused)
-    warn(touches.notes)
-    if directions:
-        say(f"forces           {directions.summary()}")
-    for name, line in touches.tool.summary() if touches.tool else ():
-        say(f"{name:16} {line}")
+    _say_touches(calibration, touches, directions)
     _report(found)
     of_fit = result.warnings if result else ()
-    in_order = not any(placement.wiring.order.words for placement in found)
-    of_forces = directions.warnings(in_order) if directions else ()
-    of_tool = touches.tool.warnings() if touches.tool else ()
-    warn((*of_fit, *of_tool, *of_forces, *(warning for placement in found for warning in placement.warnings())))
+    warn((*of_fit, *_warnings(touches, directions, found)))
     if options.refine and plan and result:
         refined = refine(plan, result, touches)
         found = refined.placements
@@ -101,6 +92,29 @@ def run(options: argparse.Namespace) -> int:
 
         draw_touches(found, options.picture, directions)
     return DONE
+
+
+def _say_touches(calibration: LinkCalibration, touches: Touches, directions: Directions | None) -> None:
+    """Print what was touched, and what the forces and the tool say."""
+    say(f"link             {calibration.link}, {calibration.taxel_count} taxels")
+    rows = f" in {touches.rows} rows" if touches.rows != len(touches.taxels) else ""
+    say(f"touches          {len(touches.taxels)}{rows}, of {len(set(touches.taxels))} taxels")
+    say_unused(touches.unused)
+    warn(touches.notes)
+    if directions:
+        say(f"forces           {directions.summary()}")
+    for name, line in touches.tool.summary() if touches.tool else ():
+        say(f"{name:16} {line}")
+
+
+def _warnings(touches: Touches, directions: Directions | None, found: list[Placement]) -> Iterator[Warning]:
+    """Yield the warnings about the tool, the forces and the patches."""
+    if touches.tool:
+        yield from touches.tool.warnings()
+    if directions:
+        yield from directions.warnings(not any(placement.wiring.order.words for placement in found))
+    for placement in found:
+        yield from placement.warnings()
 
 
 def _orientations(path: Path, calibration: LinkCalibration) -> int:

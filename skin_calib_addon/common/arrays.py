@@ -86,6 +86,11 @@ def along(vectors: Array, direction: Array) -> Array:
     return vectors[..., 0] * direction[0] + vectors[..., 1] * direction[1] + vectors[..., 2] * direction[2]
 
 
+def usual_size(deviations: Array) -> Array:
+    """Return the standard deviation of normal deviations from zero (n, ...), by their median, whatever outliers do."""
+    return np.asarray(1.4826 * np.median(np.abs(deviations), axis=0))
+
+
 def row_order(rows: Array | IntArray) -> IntArray:
     """Return the order (n,) of rows (n, d) by their first number, then by the second, and so on; the order is stable.
 

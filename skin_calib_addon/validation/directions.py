@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..calibration.model import LinkCalibration
-from ..common.arrays import Array, BoolArray, IntArray, tangential
+from ..common.arrays import Array, BoolArray, IntArray, tangential, usual_size
 from ..common.errors import listed
 from ..common.warnings import Warning
 from .flat import along_skin
@@ -69,8 +69,7 @@ class Directions:
     @property
     def tilt_error(self) -> Array:
         """Standard errors of the mean tilt [rad]; that of a median of normal values."""
-        spread = 1.4826 * np.median(np.abs(self.tilts - self.mean_tilt), axis=0)
-        return np.asarray(np.sqrt(np.pi / 2 / len(self.tilts)) * spread)
+        return np.sqrt(np.pi / 2 / len(self.tilts)) * usual_size(self.tilts - self.mean_tilt)
 
     @property
     def resolution(self) -> float | None:
@@ -238,7 +237,7 @@ def _robust(rows: Array, values: Array) -> tuple[Array, Array, float]:
     tiny = 1e-9 * max(float(np.abs(values).max(initial=0.0)), 1e-9)
     for _ in range(REWEIGHTING_STEPS):
         residuals = values - rows @ found
-        spread = max(1.4826 * float(np.median(np.abs(residuals))), tiny)
+        spread = max(float(usual_size(residuals)), tiny)
         scale = ROBUST_SCALE * spread
         weights = 1 / (1 + (residuals / scale) ** 2)
         normal = (weights[:, None] * rows).T @ rows / spread**2 + prior

@@ -20,7 +20,7 @@ from scipy.optimize import nnls
 from ..calibration.model import LinkCalibration
 from ..calibration.response import ResponseTable
 from ..calibration.response_fit import HYSTERESIS_STANDARD_ERRORS, POOR_RESIDUAL_FRACTION
-from ..common.arrays import Array, BoolArray, unit
+from ..common.arrays import Array, BoolArray, unit, usual_size
 from ..common.errors import UnderdeterminedFit
 from ..common.warnings import Place, Warning
 from .touches import Touches, of_taxels
@@ -242,8 +242,8 @@ class _Loads:
             loads = ramps @ slopes
             gains, spread = _gains(root[:, None] * loads, root * (self.forces - loads.sum(axis=1)))
             residuals = (self.forces - loads @ gains) / scale
-            usual = 1.4826 * float(np.median(np.abs(residuals)))
-            before, weights = weights, 1 / (1 + (residuals / max(ROBUST_SCALE * usual, 1e-9)) ** 2)
+            usual = max(ROBUST_SCALE * float(usual_size(residuals)), 1e-9)
+            before, weights = weights, 1 / (1 + (residuals / usual) ** 2)
             if np.abs(weights - before).max() < TOLERANCE:
                 break
         return _Curve(slopes, gains, spread)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, IntArray
+from ..common.arrays import Array, BoolArray, IntArray, usual_size
 from ..common.tables import TableError
 from .tool import ToolRows
 
@@ -136,7 +136,7 @@ def _by_force(recorded: Recorded, times: Array) -> Presses:
     smooth = _low_pass(total, times)
     rest = smooth[at_rest]
     usual = float(np.median(rest))
-    sigma = 1.4826 * float(np.median(np.abs(rest - usual)))
+    sigma = float(usual_size(rest - usual))
     limit = usual + max(PRESS_SIGMA * sigma, MIN_PRESS_FORCE * float(smooth.max() - usual))
     count, sizes = 0, []
     runs = (part for run in _runs(smooth > limit) for part in _parts(smooth - usual, *run, limit - usual))
