@@ -56,7 +56,7 @@ def test_touches_are_reported_drawn_and_removed(bpy, ours, table):
         found.remarks.splitlines()[0].startswith("294 touches, distance along the skin: mean 4.")
         and len(found.warnings) == 0
     )
-    assert "Shifted 1.99 +- 0.18 mm" in found.remarks
+    assert "Shifted 1.94 +- 0.18 mm" in found.remarks  # the touches are in tangent planes, the shift is along the skin
     (lines,) = shown(bpy, ours)
     lengths = np.linalg.norm(lines.points[1::2] - lines.points[::2], axis=1)
     assert len(lengths) == 294 and 0.0078 < lengths.max() < 0.0082
@@ -129,7 +129,7 @@ def test_presses_have_arrows_ellipses_and_a_list(bpy, ours, table, tmp_path):
     layers = {layer.what: layer.points for layer in ours.drawing.shown_layers(bpy.context.object)}
     force, normal = (layers[name][:60].reshape(30, 2, 3) for name in ("FORCES", "TOUCHED_NORMALS"))
     assert_allclose(force[:, 1] - force[:, 0], -(normal[:, 1] - normal[:, 0]), atol=1e-5)
-    assert_allclose(force[:, 1], points, atol=2e-4)  # a tangent plane differs from the surface
+    assert_allclose(force[:, 1], points, atol=6e-4)  # the skin is below the tangent plane: 5 mm squared / 2 / 22 mm
     assert len(layers["ELLIPSES"]) == 5 * 48 * 2 and len(layers["NEXT"]) == 8
     found = bpy.context.object.skin_calib.inspect.touches
     distances = [float(touch.words.split()[0]) for touch in found.places]
