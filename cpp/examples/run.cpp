@@ -227,7 +227,9 @@ sockaddr_in local(const char* port) {
 } // namespace
 
 int main(int count, char** words) {
-    if (count != 5) return std::fprintf(stderr, "run CALIBRATION NOISE INPUT_PORT OUTPUT_PORT|dds\n"), 2;
+    const bool is_dds = count == 5 && std::strcmp(words[4], "dds") == 0;
+    if (count != 5 || std::atoi(words[3]) <= 0 || (!is_dds && std::atoi(words[4]) <= 0))
+        return std::fprintf(stderr, "run CALIBRATION NOISE INPUT_PORT OUTPUT_PORT|dds\n"), 2;
     Skin skin;
     const Status status = load(words[1], words[2], {}, skin);
     if (!status.ok) return std::fprintf(stderr, "%s\n", status.message.c_str()), 1;
@@ -240,7 +242,6 @@ int main(int count, char** words) {
     for (int signal : {SIGINT, SIGTERM}) std::signal(signal, [](int) { is_stopped = 1; });
     const sched_param priority{50};
     const bool is_real_time = sched_setscheduler(0, SCHED_FIFO, &priority) == 0;
-    const bool is_dds = std::strcmp(words[4], "dds") == 0;
 #ifdef SKIN_CALIB_DDS
     dds::Output readers; // after the priority, which its threads inherit
     const std::string problem = is_dds ? readers.open(skin.geometry.calibration.link) : "";

@@ -99,6 +99,8 @@ def run(options: argparse.Namespace) -> int:
             check_target(Path(place.name), options.file, options.noise)
     if options.tare and options.noise:
         options.refuse("--tare and --noise both say what the sensors read at rest; give one of them")
+    if options.decoder and options.input.kind == "mcap":
+        options.refuse("--decoder is for packets of udp and serial, not for mcap")
     if len({options.input, *options.output}) <= len(options.output):
         options.refuse("--input and --output must all differ; one of them is given twice")
     calibration, skin = load_calibration(options.file), load(options.file, noise=options.noise)

@@ -148,6 +148,7 @@ def test_times_of_arrival_replace_those_of_the_sender(calibration, recording, tm
             "'serial:tty:0' does not end with a baud rate, 1 to 2147483647",
         ),
         (["--input", "serial:tty:2147483648", "--output", "dds"], "does not end with a baud rate"),
+        (["--input", "mcap:a", "--output", "dds", "--decoder", "d.py"], "--decoder is for packets of udp and serial"),
         (["--input", "udp:5005", "--output", "dds", "--output", "dds"], "one of them is given twice"),
         (["--input", "udp:5005", "--output", "udp:127.0.0.1:5005"], "one of them is given twice"),
     ],
