@@ -76,11 +76,17 @@ def over_dds(folder: Path, command: list[Any], port: int, sent: list[bytes], cou
     """Return layout and frames as the reader in C prints them."""
     with free_domain() as domain:
         of_dds = {"CYCLONEDDS_URI": LOOPBACK, "ROS_DOMAIN_ID": domain}
-        reader = Process(folder, "reader", build("cyclone", folder), domain, "left_sole", "full", **of_dds)
-        with reader, Process(folder, "dds", *command, "dds", **of_dds) as run:
+        program = build("cyclone", folder)
+
+        def started(name: str) -> Process:
+            return Process(folder, name, program, domain, "left_sole", "full", **of_dds)
+
+        with started("reader") as reader, Process(folder, "dds", *command, "dds", **of_dds) as run:
             reader.wait_for(lambda reader: "matched" in reader.out)
             send(port, sent, 4e-3)
             reader.wait_for(lambda reader: reader.out.count('"SkinFrame"') == count)
+            with started("late") as late:  # the layout is latched
+                late.wait_for(lambda late: "TaxelLayout" in late.out)
             assert run.stop() == 0 and "unsent 0\n" in run.out, run.out
             found = [json.loads(line, parse_int=float) for line in reader.out.splitlines()]
     return [one for one in found if one["message"] in ("TaxelLayout", "SkinFrame")]
