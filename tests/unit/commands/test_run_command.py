@@ -143,10 +143,7 @@ def test_times_of_arrival_replace_those_of_the_sender(calibration, recording, tm
         (["--input", "udp:5005", "--output", "mcap"], "'mcap' is not dds, mcap:FILE or udp:HOST:PORT"),
         (["--input", "udp:5005", "--output", "dds", "--tare", "5", "--noise", "n"], "give one of them"),
         (["--input", "udp:5005", "--output", "mcap:none/x.mcap"], "Create it first"),
-        (
-            ["--input", "serial:tty:0", "--output", "dds"],
-            "'serial:tty:0' does not end with a baud rate",
-        ),
+        (["--input", "serial:tty:0", "--output", "dds"], "'serial:tty:0' does not end with a baud rate"),
         (["--input", "serial:tty:2147483648", "--output", "dds"], "does not end with a baud rate"),
         (["--input", "mcap:a", "--output", "dds", "--decoder", "d.py"], "--decoder is for packets of udp and serial"),
         (["--input", "udp:5005", "--output", "dds", "--output", "dds"], "one of them is given twice"),
