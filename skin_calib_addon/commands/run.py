@@ -3,6 +3,7 @@
 import argparse
 import runpy
 import signal
+import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -24,6 +25,9 @@ from ..runtime.modalities import FORCE
 from .common import DONE, check_target, complain, named_path, say, warn
 from .tare import add_rest, rested
 
+# [s] after the first signal in which others change nothing: "timeout" sends two at once. Larger: a longer wait for a
+# program that does not answer.
+PATIENCE = 1.0
 BAUD = 115_200  # Contract: of a serial line without a number
 LOCAL = "127.0.0.1"
 
@@ -107,12 +111,12 @@ def run(options: argparse.Namespace) -> int:
     if not skin.ids:
         raise CalibrationFormatError(f"'{options.file}': {skin.link} has no taxels. Add a skin")
     decoder = Decoder() if options.decoder is None else _decoder(options.decoder)
-    stops: list[int] = []
+    stops: list[float] = []  # when signals came [s]
 
-    def stop(number: int, _: Any) -> None:
-        if stops:  # the first one had no effect, for example because a disk does not answer
+    def stop(*_: Any) -> None:
+        stops.append(time.monotonic())
+        if stops[-1] - stops[0] > PATIENCE:  # the first one had no effect, for example because a disk does not answer
             raise KeyboardInterrupt
-        stops.append(number)
 
     # The priority before the outputs: threads of DDS inherit it.
     with handled(stop, signal.SIGINT, signal.SIGTERM), undisturbed() as priority, ExitStack() as stack:
