@@ -5,6 +5,7 @@ import math
 import os.path
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,8 +35,9 @@ def say_unused(columns: Sequence[str]) -> None:
 
 
 def complain(message: str) -> None:
-    """Print a message on one line of stderr, with control characters escaped."""
-    print("skin-calib:", printable(" ".join(message.splitlines())), file=sys.stderr)
+    """Print a message on one line of stderr, with control characters escaped, if anybody still reads it."""
+    with suppress(OSError):  # the end of a reader must not end a controller
+        print("skin-calib:", printable(" ".join(message.splitlines())), file=sys.stderr)
 
 
 def warn(warnings: "Iterable[Warning | str]", which: str = "") -> None:

@@ -6,6 +6,7 @@ import socket
 import struct
 import sys
 import time
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -122,6 +123,16 @@ def test_skin_without_taxels_is_refused(tmp_path, capsys):
     save_calibration(small_calibration(patches=(), surfaces=()), path)
     assert main(["run", str(path), "--input", f"udp:{free_port()}", "--output", f"udp:{free_port()}"]) == 1
     assert "has no taxels. Add a skin" in capsys.readouterr().err
+
+
+def test_messages_that_nobody_reads_do_not_end_it(calibration, recording, tmp_path, monkeypatch):
+    """The other end of stderr is closed, as after "2>&1 | head": a skin of a robot must not stop for it."""
+    out, (reader, writer) = tmp_path / "out.mcap", os.pipe()
+    os.close(reader)
+    with suppress(BrokenPipeError), open(writer, "w", 1) as closed:
+        monkeypatch.setattr(sys, "stderr", closed)
+        main(["run", str(calibration), "--input", f"mcap:{recording}", "--output", f"mcap:{out}"])
+    assert len([topic for topic, _ in contents(out) if topic.endswith("frame")]) == 150
 
 
 def test_times_of_arrival_replace_those_of_the_sender(calibration, recording, tmp_path):
