@@ -2,10 +2,12 @@
 
 import argparse
 import runpy
+import select
 import signal
+import sys
 import time
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,7 +24,7 @@ from ..live.outputs import McapOutput, Output, UdpOutput
 from ..messages.packet import Decoder, Reading
 from ..runtime import Skin, load
 from ..runtime.modalities import FORCE
-from .common import DONE, check_target, complain, named_path, say, warn
+from .common import DONE, check_target, complain, named_path, say
 from .tare import add_rest, rested
 
 # [s] after the first signal in which others change nothing: "timeout" sends two at once. Larger: a longer wait for a
@@ -126,8 +128,9 @@ def run(options: argparse.Namespace) -> int:
         for place in options.output:
             outputs.append(_output(place, calibration, skin))
             stack.callback(outputs[-1].close)
-        warn(given.notes)
-        complain(f"{given.text} to {', '.join(output.text for output in outputs)}; {priority}")
+        for note in given.notes:
+            _report(f"warning: {note}")
+        _report(f"{given.text} to {', '.join(output.text for output in outputs)}; {priority}")
         status = Status(decoder, outputs)
         run_loop(
             calibration,
@@ -135,7 +138,7 @@ def run(options: argparse.Namespace) -> int:
             given,
             outputs,
             status,
-            complain,
+            _report,
             lambda: bool(stops),
             options.tare,
             lambda rows: f"rest: {rested(skin, rows, options.input.name, options.accept)}",
@@ -143,6 +146,14 @@ def run(options: argparse.Namespace) -> int:
         )
     say(status.total())
     return DONE
+
+
+def _report(message: str) -> None:
+    """Print a message, unless its reader stalls, such as a terminal over a network: it must not stop the loop."""
+    with suppress(OSError, ValueError):  # for what is no pipe and no terminal
+        if not select.select((), (sys.stderr,), (), 0)[1]:
+            return
+    complain(message)
 
 
 def _decoder(path: Path) -> Any:

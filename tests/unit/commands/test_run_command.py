@@ -5,6 +5,7 @@ import os
 import socket
 import struct
 import sys
+import threading
 import time
 from contextlib import suppress
 from dataclasses import replace
@@ -19,7 +20,7 @@ from skin_calib_addon.live.inputs import FileInput
 from skin_calib_addon.live.loop import Status
 from skin_calib_addon.live.outputs import UdpOutput
 from skin_calib_addon.runtime import Skin, load
-from tests.live.running import REST, ROOT, N, free_port, rows, sole
+from tests.live.running import REST, ROOT, WAIT, N, free_port, rows, sole
 from tests.samples import sheet, small_calibration
 
 pytest.importorskip("mcap", reason="mcap is not installed: pip install 'skin-calib[live]'")
@@ -133,6 +134,24 @@ def test_messages_that_nobody_reads_do_not_end_it(calibration, recording, tmp_pa
         monkeypatch.setattr(sys, "stderr", closed)
         main(["run", str(calibration), "--input", f"mcap:{recording}", "--output", f"mcap:{out}"])
     assert len([topic for topic, _ in contents(out) if topic.endswith("frame")]) == 150
+
+
+def test_terminal_that_stalls_does_not_stop_it(calibration, recording, tmp_path, monkeypatch):
+    """A pipe that is full, and nobody reads: as a terminal after Ctrl+S, or over a network that fails."""
+    out, (reader, writer) = tmp_path / "out.mcap", os.pipe()
+    os.set_blocking(writer, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(writer, bytes(4096))
+    os.set_blocking(writer, True)
+    end = threading.Timer(WAIT, os.close, [reader])  # otherwise a failure would wait forever
+    end.start()
+    with open(writer, "w", 1) as full:
+        monkeypatch.setattr(sys, "stderr", full)
+        assert main(["run", str(calibration), "--input", f"mcap:{recording}", "--output", f"mcap:{out}"]) == 0
+        assert end.is_alive() and len([topic for topic, _ in contents(out) if topic.endswith("frame")]) == 150
+        end.cancel()
+        os.close(reader)
 
 
 def test_times_of_arrival_replace_those_of_the_sender(calibration, recording, tmp_path):
