@@ -37,7 +37,7 @@ class RerunView:
         self._rr, self._maker = rr, SceneMaker(calibration, skin, tuple(frames))
         self._flags: frozenset[str] = frozenset()
         self._count = 0
-        self.recording: Any = rr.RecordingStream("skin-calib", recording_id=f"{skin.link} {skin.checksum}")
+        self.recording: Any = rr.RecordingStream("skin-calib")  # an id of its own: viewers merge those with the same
         self.recording.send_blueprint(_blueprint(skin, self._maker, not frames, rr))
         if mesh is not None:
             vertices, faces = mesh

@@ -13,6 +13,8 @@ from PIL import Image
 from scripts import view_picture
 from skin_calib_addon.calibration import load_calibration, save_calibration
 from skin_calib_addon.cli import main
+from skin_calib_addon.messages.rerun_file import RerunView
+from skin_calib_addon.runtime import Skin
 from tests.samples import small_calibration
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
@@ -46,6 +48,14 @@ def recorded(tmp_path):
     rows[10:, 5] = 100.0
     np.savez(recording, time=1.7e9 + 0.01 * np.arange(20), readings=rows)
     return str(calibration), str(recording)
+
+
+def test_two_recordings_of_a_skin_stay_apart():
+    """The viewer merges recordings with the same id: it would show both as one."""
+    pytest.importorskip("rerun", reason=WHY)
+    calibration = small_calibration()
+    views = [RerunView(calibration, Skin(calibration)) for _ in range(2)]
+    assert len({view.recording.get_recording_id() for view in views}) == 2
 
 
 @pytest.mark.slow
