@@ -2,6 +2,8 @@
 // of service. Needs Cyclone DDS 0.10 (Debian: cyclonedds-dev), whose C library takes a type that is only bytes.
 #pragma once
 
+#include <cctype>
+#include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <string>
