@@ -24,6 +24,9 @@ MIN_NEAR_NORMAL = 0.7
 # [standard errors] of an offset or of a mean angle that is named: one of its components. With few touches standard
 # errors are uncertain: for m touches the limit is (1 + FEW / m) times as large. Larger: fewer false alarms.
 MIN_SIGNIFICANCE, FEW = 3.9, 8
+# [fraction of the median force] of an offset from which on a warning is given: it moves lines of action by this fraction
+# of their lever. Larger: fewer warnings. Smaller offsets are removed, too.
+MIN_OFFSET = 0.01
 # [rad] Mean angle to the normal from which on a warning is given. Larger: fewer warnings.
 MIN_LEAN = np.deg2rad(8.0)
 # [N] Usual offset of a force sensor. Larger: no effect but on offsets along the normal of a flat skin.
@@ -99,7 +102,7 @@ class Directions:
             yield Warning("force-sign", "note", message, value=float(len(self.forces)), advice=advice)
         if not in_order:
             return
-        if self.offset.any():
+        if np.linalg.norm(self.offset) > MIN_OFFSET * np.median(self.forces):
             x, y, z = np.round(self.offset, 2) + 0.0
             errors = np.sqrt(np.diag(self.offset_covariance))
             message = f"The forces have a common part of ({x:.2f}, {y:.2f}, {z:.2f}) N +- {errors.max():.2f} N. "

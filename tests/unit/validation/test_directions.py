@@ -47,6 +47,19 @@ def test_an_offset_of_the_sensor_is_named_and_removed():
         assert (np.abs(shift) < np.minimum(3 * error, 0.0025)).all()
 
 
+def test_a_tiny_offset_is_removed_without_a_warning():
+    """It is that of the tare: 0.02 N at presses of 8 N."""
+    rng, taxels, rows = np.random.default_rng(0), SHEET.taxels, np.arange(0, ROWS * COLUMNS, 3)
+    forces = -8 * taxels.normals_link[rows] + rng.normal(0, 0.002, (len(rows), 3))
+    moments = np.cross(taxels.positions_link[rows], forces)
+    wrenches = np.column_stack((forces + (0.02, 0, 0), moments))
+    ids = tuple(taxels.ids[row] for row in rows)
+    touches = Touches(ids, np.arange(len(rows)), *lines_of_action(wrenches), wrenches=wrenches)
+    found, _ = directions_of(CALIBRATION, touches)
+    assert_allclose(found.offset, (0.02, 0, 0), rtol=0, atol=2e-3)
+    assert found.is_of_sensor and codes(touches) == set()
+
+
 def test_a_force_of_the_contact_stays_in_the_lines_of_action():
     """Its moment agrees with it: the lines go through the touches."""
     found, touches = directions_of(CALIBRATION, given := presses(0, of_contact=(0, 0, 3.0)))
