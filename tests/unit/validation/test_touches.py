@@ -353,6 +353,19 @@ def test_wrong_wires_are_no_other_order(wrong):
             assert not found.is_explained and "unexplained-touches" in codes
 
 
+def test_displacement_of_imported_taxels_is_in_the_link_frame():
+    """They have no rows: 4 mm along x and 3 mm along z are stated, and no displacement is not significant."""
+    imported = small_calibration(patches=(dataclasses.replace(SHEET, kind="imported"),))
+    rows = np.arange(ROWS * COLUMNS)
+    points = points_after_motion(rows, 0.0, 0.0, PITCH)
+    for moved, ending in (((0.004, 0, 0.003), "in the link frame"), ((0, 0, 0), ": not significant")):
+        (found,) = placements(imported, touched(imported, rows, points + moved))
+        (line,) = (line for line in summarize(found) if line.startswith("displaced by ("))
+        numbers = [float(x) for x in line[14:].split(")")[0].split(", ")]
+        assert_allclose(numbers, np.array(moved) * 1e3, rtol=0, atol=1.5)
+        assert line.endswith(ending) and " +- 0." in line
+
+
 def test_few_touches_give_no_motion():
     """Three touches are too few, and imported taxels have no flat shape."""
     (few,) = placements(
