@@ -24,8 +24,8 @@ MIN_NEAR_NORMAL = 0.7
 # [standard errors] of an offset or of a mean angle that is named: one of its components. With few touches standard
 # errors are uncertain: for m touches the limit is (1 + FEW / m) times as large. Larger: fewer false alarms.
 MIN_SIGNIFICANCE, FEW = 3.9, 8
-# [fraction of the median force] of an offset from which on a warning is given: it moves lines of action by this fraction
-# of their lever. Larger: fewer warnings. Smaller offsets are removed, too.
+# [fraction of the median force] of an offset from which on a warning is given: it moves lines of action by this part of
+# their lever. Larger: fewer warnings. Smaller offsets are removed, too.
 MIN_OFFSET = 0.01
 # [rad] Mean angle to the normal from which on a warning is given. Larger: fewer warnings.
 MIN_LEAN = np.deg2rad(8.0)

@@ -200,7 +200,7 @@ def _fit(taxel: str, axes: Array, rows: list[tuple[int, list[float]]]) -> _Fit:
 
 
 def _wahba(a: Array, b: Array) -> tuple[Array, float, bool]:
-    """Return the rotation with ``a ~ b @ rotation``, their product's size, and whether a reflection fits better."""
+    """Return the rotation with ``a ~ b @ rotation``, the size of the product, and whether a reflection fits better."""
     left, values, right = np.linalg.svd(b.T @ a)
     is_mirrored = bool(np.linalg.det(left @ right) < 0)
     rotation = left @ np.diag((1.0, 1.0, -1.0 if is_mirrored else 1.0)) @ right
