@@ -61,6 +61,7 @@ class Placement:
     directions: Array  # (m, 3) of the wrenches; zero for points
     grazing: IntArray  # lines of the file whose line of action is nearly parallel to the skin; they are left out
     readings: Array  # (m, n) of the taxels of the patch; empty without
+    noise: Array  # (m,) known error of the position, per axis [m]
     planned: Array  # (3,) motion that returns the patch to where the plan had it: along, across [m], rotation [rad]
     slopes: Array  # (m, 2, 3) of the offsets with an offset of the force sensor, along and across [m/N]
     offset_covariance: Array  # (3, 3) of this offset [N^2]; zero if nothing is corrected
@@ -98,7 +99,7 @@ class Placement:
         """What the touches report of the position of the skin."""
         size = float(np.sqrt(self.patch.taxels.areas.mean()))
         offsets = np.where(self._is_there[:, None], self.offsets[:, :2], FAR)
-        cells = Evidence.of_cells(self.patch, self.rows, offsets, self.planned, novelty(offsets, size))
+        cells = Evidence.of_cells(self.patch, self.rows, offsets, self.planned, novelty(offsets, size), self.noise)
         axes, centroids, borders = felt_by_several(self.patch, self.rows, self.readings)
         return replace(cells, axes=axes, centroids=centroids, borders=borders)
 
@@ -218,7 +219,7 @@ class Placement:
     @cached_property
     def wiring(self) -> Wiring:
         """The order of the channels that explains the touches best."""
-        return judge(self.patch, self.rows, self.places, self.directions, self.planned)
+        return judge(self.patch, self.rows, self.places, self.directions, self.planned, self.noise)
 
     @cached_property
     def unexplained(self) -> BoolArray:
@@ -281,6 +282,7 @@ def _placement(patch: Patch, touches: Touches, planned: Array, offset_covariance
             other, along = lines_of_action(touches.wrenches[mine] - step)
             moved = along_skin(patch, rows, np.where(is_line, other, points), np.where(is_line, along, 0.0)).offsets
             slopes[:, :, k] = (moved - offsets)[:, :2] / OFFSET_STEP
+    noise = touches.tool.sigma[mine] if touches.tool else np.zeros(len(mine))
     column = {name: k for k, name in enumerate(touches.felt)}
     columns = [column[name] for name in patch.taxels.ids] if patch.taxels.ids[0] in column else []
     return Placement(
@@ -292,6 +294,7 @@ def _placement(patch: Patch, touches: Touches, planned: Array, offset_covariance
         directions=directions[known],
         grazing=lines[~known],
         readings=touches.readings[np.ix_(mine, columns)][known] if columns else np.empty((int(known.sum()), 0)),
+        noise=noise[known],
         planned=planned,
         slopes=slopes[known],
         offset_covariance=offset_covariance,

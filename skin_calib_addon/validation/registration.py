@@ -139,14 +139,17 @@ class Evidence:
     cell_size: float  # of one [m]
     planned: Array  # (3,) motion that returns the skin to where it was planned to be
     weights: Array  # (m,) how much new each touch says [1]
+    noise: Array  # (m,) least error of the position, per axis [m]
 
     @classmethod
-    def of_cells(cls, patch: Patch, rows: IntArray, offsets: Array, planned: Array, weights: Array) -> "Evidence":
+    def of_cells(
+        cls, patch: Patch, rows: IntArray, offsets: Array, planned: Array, weights: Array, noise: Array
+    ) -> "Evidence":
         """Return what touches report that one taxel each felt."""
         taxels, none = patch.taxels, np.zeros((len(rows), 2))
         size, arms = float(np.sqrt(taxels.areas.mean())), flat_places(patch, taxels.index[rows])
         corners, axes = taxels.flat_corners[rows], np.zeros((len(rows), 2, 2))
-        return cls(offsets, arms, corners, axes, none, none, len(taxels.ids), size, planned, weights)
+        return cls(offsets, arms, corners, axes, none, none, len(taxels.ids), size, planned, weights, noise)
 
     @cached_property
     def _halfplanes(self) -> tuple[Array, Array]:
@@ -186,14 +189,14 @@ class Evidence:
         """
         depths, known = self.depths(motions), self.axes.any(axis=2).sum(axis=1)
         inside = {
-            edge: self.cells / (1 + np.exp(np.minimum(-LOGISTIC_SCALE / np.hypot(edge, blur) * depths, 50.0)))
+            edge: self.cells / (1 + np.exp(np.minimum(-LOGISTIC_SCALE / np.hypot(np.maximum(edge, self.noise), blur) * depths, 50.0)))
             for edge in {noise.edge for noise in noises}
         }
         misses = {spot: self.misses(motions, spot) for spot in {noise.spot for noise in noises}} if known.any() else {}
         near = {}
         for noise in noises:
             if misses and (noise.spread, noise.spot) not in near:
-                variance = (noise.spread * self.cell_size) ** 2 + blur**2
+                variance = np.maximum(noise.spread * self.cell_size, self.noise) ** 2 + blur**2
                 height = (self.cell_size**2 / (2 * np.pi * variance)) ** (known / 2)
                 near[noise.spread, noise.spot] = height * np.exp(-misses[noise.spot] / (2 * variance))
             found = inside[noise.edge]

@@ -35,9 +35,9 @@ class Noise:
     position: float  # [m]
     rotation: float  # [rad]
 
-    def at(self, lever: float) -> float:
-        """Return the uncertainty per axis across a lever [m] at its end [m]."""
-        return float(np.hypot(self.position, self.rotation * lever))
+    def at(self, levers: Array) -> Array:
+        """Return the uncertainty per axis across levers [m] at their ends [m]."""
+        return np.asarray(np.hypot(self.position, self.rotation * levers))
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,8 @@ class ToolRows:
         positions, quaternions = (np.array(part) for part in zip(*medians))
         first = np.array([rows[0] for rows in groups])
         measured = self.measured[first], None if self.of_link is None else self.of_link[first]
-        return ToolPoses(self.file, self.unit, lines, positions, matrices(quaternions), tool, link, *measured)
+        rows = np.array([len(rows) for rows in groups])
+        return ToolPoses(self.file, self.unit, lines, rows, positions, matrices(quaternions), tool, link, *measured)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +85,7 @@ class ToolPoses:
     file: Path  # of its mesh
     unit: str
     lines: IntArray  # (n,)
+    rows: IntArray  # (n,) number of those whose median each pose is
     positions: Array  # (n, 3) of its origin [m]
     rotations: Array  # (n, 3, 3) from its frame
     noise: Noise | None  # None: too few rows
@@ -135,9 +137,8 @@ class ToolContacts:
         apart = np.linalg.norm(self.centroids - self.points[self.intersecting], axis=1)
         rms = f"{1e3 * np.sqrt(np.mean(apart**2)):.2f} mm" if len(apart) else ""
         yield "", _row("centroid of the intersection", self.centroid_distances, rms)
-        origins = self.poses.positions, np.zeros((1, 3))
-        for name, noise, origin in zip(("tool", "link"), (self.poses.noise, self.poses.noise_of_link), origins):
-            lever = float(np.sqrt(((self.points - origin) ** 2).sum(axis=1).mean()))
+        for name, noise, levers in self._poses():
+            lever = float(np.sqrt((levers**2).mean()))
             if noise is not None:
                 yield (
                     f"pose of the {name}",
@@ -145,8 +146,20 @@ class ToolContacts:
                     f"{noise.rotation * lever * 1e3:.2f} mm, {noise.position * 1e3:.2f} mm of the position: "
                     f"{noise.at(lever) * 1e3:.2f} mm per axis",
                 )
-            elif name == "tool" or self.poses.of_link is not None:
+            else:
                 yield f"pose of the {name}", f"lever {lever * 1e3:.0f} mm; too few rows of each press for their scatter"
+
+    def _poses(self) -> Iterator[tuple[str, Noise | None, Array]]:
+        """Yield tool and link, as far as their poses were measured, with their scatter and the levers (n,) [m]."""
+        yield "tool", self.poses.noise, np.linalg.norm(self.points - self.poses.positions, axis=1)
+        if self.poses.of_link is not None:
+            yield "link", self.poses.noise_of_link, np.linalg.norm(self.points, axis=1)
+
+    @property
+    def sigma(self) -> Array:
+        """Standard errors (n,) of the points, per axis, by the scatter of the poses as far as it is known [m]."""
+        variance = sum((n.at(levers) ** 2 for _, n, levers in self._poses() if n), np.zeros(len(self.points)))
+        return np.sqrt(variance * np.minimum(1.0, np.pi / 2 / self.poses.rows))  # of medians
 
     def warnings(self) -> Iterator[Warning]:
         """Yield warnings: deep touches, wide ones, those at the rim of a hole, and a tool with holes."""

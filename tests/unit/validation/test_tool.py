@@ -1,5 +1,7 @@
 """Poses of a tool in a table: columns, units, frames, and their scatter."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -7,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.common.errors import CalibrationFormatError
 from skin_calib_addon.geometry.mesh.triangle_mesh import METRES_PER_UNIT
-from skin_calib_addon.validation import read_touches
+from skin_calib_addon.validation import placements, read_touches
 from skin_calib_addon.validation.tool import MESH_UNITS, OF_LINK, OF_TOOL, ToolContacts, matrices
 from tests.samples import small_calibration
 
@@ -84,6 +86,25 @@ def test_scatter_of_poses_in_presses_is_stated(tmp_path):
     said = dict(touches.tool.summary())
     assert said["pose of the tool"].startswith("scatter 0.18 degrees x lever ")
     assert "per axis" in said["pose of the link"] and len(touches.taxels) == 20
+    medians = np.sqrt(np.pi / 2 / 20)  # of 20 rows; the origin of the tool is its point of touch
+    lever = np.linalg.norm(touches.points, axis=1)
+    assert_allclose(touches.tool.sigma, medians * np.hypot(2e-4, np.hypot(4e-4, 6e-3 * lever)), rtol=0.07)
+
+
+def test_scatter_of_poses_is_in_the_standard_errors(tmp_path):
+    """With noise the displacement is less certain, also by presses of one row; the scatter of few rows is not known."""
+    rng, taxels = np.random.default_rng(0), CALIBRATION.patches[0].taxels
+    errors = {}
+    for noise in (1e-4, 4e-3):
+        rows = [[0, *pose(taxels.positions_link[0] + rng.normal(0, noise, 3), Rotation.identity())] for _ in range(6)]
+        rows += [[1 + k, *pose(p, Rotation.identity())] for k, p in enumerate(taxels.positions_link)]
+        touches = read(tmp_path, rows)
+        touches = replace(touches, taxels=(IDS[0], *IDS))
+        (found,) = placements(CALIBRATION, touches)
+        assert_allclose(found.noise[1:], touches.tool.poses.noise.position)
+        errors[noise] = found.motion.shift_error
+    assert (errors[4e-3] > 1.1 * errors[1e-4]).all()
+    assert not read(tmp_path, rows[4:]).tool.sigma.any()
 
 
 def test_units_are_in_brackets(tmp_path):
