@@ -59,8 +59,8 @@ def read_recording(path: str | Path, skin: Skin) -> Recording:
     return _packed(path, skin) if path.suffix.lower() == ".npz" else _table(path, skin)
 
 
-def faults_of(found: RecordedReadings) -> list[str]:
-    """Return what is missing in the readings of an MCAP file."""
+def faults_of(found: RecordedReadings, checksum: str) -> list[str]:
+    """Return what is missing in the readings of an MCAP file, and calibrations in it with another checksum."""
     notes = []
     if found.is_cut:
         notes.append(
@@ -70,18 +70,18 @@ def faults_of(found: RecordedReadings) -> list[str]:
         notes.append(f"{counted(found.missing, 'reading')} missing in the file, by the cycle numbers")
     if found.restarts:
         notes.append(f"the cycle numbers begin again {counted(found.restarts, 'time')}: the sender restarted")
+    if others := found.calibrations - {checksum}:
+        named = listed(sorted(f"{other[:12]}..." for other in others))
+        notes.append(
+            f"recorded with another calibration ({named}). Check that its channels are the same: skin-calib diff"
+        )
     return notes
 
 
 def _messages(path: Path, skin: Skin) -> Recording:
     """Open an MCAP file."""
     found = RecordedReadings(path, skin.link, MAX_NUMBERS)
-    notes = faults_of(found)
-    if others := found.calibrations - {skin.checksum}:
-        named = listed(sorted(f"{checksum[:12]}..." for checksum in others))
-        notes.append(
-            f"recorded with another calibration ({named}). Check that its channels are the same: skin-calib diff"
-        )
+    notes = faults_of(found, skin.checksum)
     text = f"messages of the link {skin.link}; numbers of a message are channels from 0 on"
 
     def modalities() -> dict[str, Array]:

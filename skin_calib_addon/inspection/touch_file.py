@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..calibration.file import to_document
 from ..calibration.model import LinkCalibration
 from ..common.arrays import Array
 from ..common.errors import CalibrationFormatError, counted, listed
@@ -76,7 +77,7 @@ def read_touch_file(
     recorded = Recorded(
         rows + 1, strongest, at.get("point"), at.get("wrench"), readings, times[rows] - times[rows[0]], None
     )
-    notes = faults_of(found)
+    notes = faults_of(found, str(to_document(calibration)["checksum"]))
     if left := len(times) - len(rows):
         of = " and ".join(probes)
         notes.append(f"{counted(left, 'reading')} of {len(times)} without a {of} within {MAX_GAP:g} s, left out")

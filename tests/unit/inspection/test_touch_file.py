@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration import save_calibration
+from skin_calib_addon.calibration.file import to_document
 from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import CalibrationFormatError
 from skin_calib_addon.inspection.touch_file import read_touch_file
@@ -37,7 +38,7 @@ def stamped(frame, time, numbers):
     return b"\0\1\0\0" + data
 
 
-def write(path, readings, probes, kind="WrenchStamped"):
+def write(path, readings, probes, kind="WrenchStamped", calibration=""):
     """Write readings, pairs of time and row, and what was measured, each with its frame."""
     from mcap.writer import Writer
 
@@ -48,7 +49,7 @@ def write(path, readings, probes, kind="WrenchStamped"):
         theirs = writer.register_schema(f"geometry_msgs/msg/{kind}", "ros2msg", TEXTS[kind].encode())
         channel, other = (writer.register_channel(f"/{schema}", "cdr", schema) for schema in (ours, theirs))
         for k, (time, row) in enumerate(readings):
-            writer.add_message(channel, k, encode("SkinReading", reading_message(LINK, row, time, k)), k)
+            writer.add_message(channel, k, encode("SkinReading", reading_message(LINK, row, time, k, calibration=calibration)), k)
         for k, (frame, time, numbers) in enumerate(probes):
             writer.add_message(other, k, stamped(frame, time, numbers), k)
         writer.finish()
@@ -109,6 +110,16 @@ def test_the_command_states_what_it_leaves_out(tmp_path, capsys):
     save_calibration(CALIBRATION, tmp_path / "c.json")
     assert main(["touches", str(tmp_path / "c.json"), str(path)]) == 0
     assert "readings of 720 without a wrench within 0.1 s, left out" in capsys.readouterr().err
+
+
+def test_recording_of_another_calibration_is_named(tmp_path):
+    """Its channels can be in another order; a recording of this calibration, or of none, has no note."""
+    times, wrenches, readings = session()
+    probes = [(LINK, t, row) for t, row in zip(times, wrenches)]
+    for checksum, count in ((to_document(CALIBRATION)["checksum"], 0), ("", 0), ("0123456789abcdef", 1)):
+        path = write(tmp_path / "t.mcap", zip(times, readings), probes, calibration=checksum)
+        notes = read_touch_file(path, CALIBRATION, no_mesh).notes
+        assert len(notes) == count and all("recorded with another calibration (0123456789ab...)" in n for n in notes)
 
 
 @pytest.mark.parametrize(
