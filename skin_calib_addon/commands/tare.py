@@ -91,11 +91,15 @@ def limits_of(noise: Noise) -> str:
 
 def _touches(skin: Skin, frames: Sequence[tuple[float, np.ndarray]]) -> list[str]:
     """Return a line for each contact of these frames, in their order: its strongest taxel, with time and force."""
-    found: dict[int, tuple[float, float, str]] = {}
+    found, below = dict[int, tuple[float, float, str]](), 0
     for time, reading in frames:
-        for contact in skin.update(reading, time).contacts:
+        frame = skin.update(reading, time)
+        below += "below_rest" in frame.flags
+        for contact in frame.contacts:
             k = int(np.argmax(contact.forces))
             if contact.number not in found or contact.forces[k] > found[contact.number][1]:
                 found[contact.number] = time, float(contact.forces[k]), skin.ids[contact.taxels[k]]
+    if below:
+        complain(f"warning: below_rest in {below} of {len(frames)} later frames: something may have pressed at rest")
     touches = sorted(found.values())
     return [f"touch {k + 1:<10} {name}, {force:.2f} N at {time:.2f} s" for k, (time, force, name) in enumerate(touches)]

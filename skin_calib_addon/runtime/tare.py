@@ -65,23 +65,29 @@ def judged(
     else:
         limit, is_vague = noise.load_limit, noise.dead
     is_off = (np.abs(mean - responses.rest) > MAX_REST_OFFSET * rest.sigma) & ~is_vague
+    depth = 0.0 if noise else float(np.nan_to_num(responses.forces(2 * responses.rest - mean)).sum())
     by_unit = warnings_of_unit(rows, dtype, responses.rest, responses.full)
-    return forces, warnings_of_load(skin, forces, is_off, limit) + by_unit
+    return forces, warnings_of_load(skin, forces, depth, is_off, limit) + by_unit
 
 
-def warnings_of_load(skin: SkinGeometry, forces: Array, is_off: BoolArray, limit: float) -> tuple[str, ...]:
+def warnings_of_load(
+    skin: SkinGeometry, forces: Array, depth: float, is_off: BoolArray, limit: float
+) -> tuple[str, ...]:
     """Return why readings at rest, with these mean forces (n,) [N], may be those under a load.
 
     ``is_off`` (n,): the mean of a taxel is off the reading without force. The noise of all taxels hides ``limit`` [N].
+    ``depth`` [N]: total of mean readings below rest, as the forces of readings as far above it; 0 with a known noise.
     """
     total = float(forces.sum())
-    if not is_off.any() and total <= limit:
+    if not is_off.any() and max(total, depth) <= limit:
         return ()
     worst = int(np.argmax(np.where(is_off, forces, -1.0) if is_off.any() else forces))
     what = f"they are those of {total:.3g} N, with {forces[worst]:.2g} N on {skin.ids[worst]}"
     if is_off.any():
         off = counted(int(np.count_nonzero(is_off)), "taxel")
         what += f", and the means of {off} are off the rest of their response"
+    if depth > limit:
+        what += f"; they are as far below rest as {depth:.3g} N are above it"
     apart = forces - forces.mean()
     first, second = apart[skin.pairs.T]
     if len(skin.pairs) and float((first * second).mean()) > CONTACT_CORRELATION * float((apart**2).mean()) > 0:

@@ -17,9 +17,11 @@ LOW_PASS = 5.0  # [Hz] of the total force. Larger: more noise. Smaller: presses 
 PRESS_SIGMA = 5.0  # [standard deviations at rest] of a press. Larger: misses light presses.
 # [fraction of the largest force] of a press. Larger: misses light presses. Smaller: takes drift for presses.
 MIN_PRESS_FORCE = 0.03
-# [fraction of the largest force] Difference of the forces at rest that lasts as long as a press, and is one. Larger:
-# takes readings of a press for those at rest; smaller: refuses weak presses.
+# [fraction of the largest force] Difference of the forces at rest that lasts as long as a press, and is one; and depth
+# below rest, in ``MAX_BELOW`` of the rows, that shows a press at rest. Larger: takes readings of a press for those at
+# rest; smaller: refuses weak presses, and sensors that drift.
 MAX_REST_FORCE = 0.2
+MAX_BELOW = 0.25  # [fraction of the rows] Larger: misses presses at rest; smaller: refuses taxels that are lost for long.
 # [fraction of the rows] whose largest differences show whether readings rise or fall with force. Larger: rows without
 # valid readings decide; smaller: misses rare presses.
 USUAL_ROWS = 0.99
@@ -30,6 +32,9 @@ MAX_PAUSE_FORCE = 0.5
 # [m] Successive rows of one taxel that are nearer than this to their mean are one press, if nothing else separates
 # presses. Larger: touches next to each other become one. Smaller: noise makes several of one.
 SAME_PLACE = 2e-3
+
+
+AGAIN = f"Record {REST_TIME:g} s without contact, then the presses, or number them"
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +87,12 @@ def _tared(recorded: Recorded, numbers: IntArray, at_rest: BoolArray) -> Presses
     if readings.size:
         rise, fall = (np.quantile(most, USUAL_ROWS) for most in (readings.max(axis=1), -readings.min(axis=1)))
         sign = -1 if fall > rise else 1
+        noise = 1.4826 * np.median(np.abs(readings[at_rest]), axis=0)
+        limits = np.maximum(MAX_REST_FORCE * max(rise, fall), PRESS_SIGMA * noise)
+        off = (np.abs(readings) > limits)[~at_rest].mean(axis=0)
+        if min(rise, fall) > MAX_REST_FORCE * max(rise, fall) and off.max(initial=0.0) > MAX_BELOW:
+            message = f"{off.max():.0%} of the rows have readings below those at rest, and others above"
+            raise TableError(int(recorded.lines[0]), f"{message}: the skin was pressed at rest. {AGAIN}")
     return Presses(replace(recorded, readings=sign * readings, wrenches=wrenches), numbers, rest, sign)
 
 
@@ -152,7 +163,7 @@ def _by_force(recorded: Recorded, times: Array) -> Presses:
     is_pressed = any(times[last] - times[first] >= MIN_PRESS_TIME for first, last in _runs(is_off))
     if is_pressed or count == 0 or (numbers[at_rest] >= 0).any():
         message = "no press was found" if count == 0 and not is_pressed else "the skin is pressed in the first second"
-        raise TableError(line, f"{message}. Record {REST_TIME:g} s without contact, then the presses, or number them")
+        raise TableError(line, f"{message}. {AGAIN}")
     of_medians = None if noise is None else noise * float(np.sqrt(np.pi / 2 / np.median(sizes)))
     return replace(tared, force_noise=of_medians)
 

@@ -211,7 +211,7 @@ inline Tare judged(const Learned& rest, const Frames& rows, const Kind& kind, co
     const std::size_t n = rows.n;
     Tare tare;
     tare.frames = rows.count, tare.has_noise = rest.noise.has_value();
-    double total = 0, hidden = 0;
+    double total = 0, depth = 0, hidden = 0;
     std::size_t off = 0, worst = n;
     Booleans is_off(n, 0);
     for (std::size_t i = 0; i < n; ++i) {
@@ -221,17 +221,20 @@ inline Tare judged(const Learned& rest, const Frames& rows, const Kind& kind, co
         tare.forces.push_back(std::isfinite(force) ? force : 0.0);
         total += tare.forces[i];
         hidden += statistics::square(responses.force(i, at_rest + responses.sign[i] * rest.sigma[i]));
+        const double below = responses.force(i, 2 * at_rest - mean);
+        if (std::isfinite(below) && !rest.noise) depth += below;
         const bool is_vague = rest.noise ? rest.noise->dead[i] : rest.sigma[i] == 0;
         is_off[i] = std::abs(mean - at_rest) > max_offset * rest.sigma[i] && !is_vague;
         off += is_off[i];
     }
     const double limit = rest.noise ? rest.noise->load_limit : std::max(max_force, load_limit * std::sqrt(hidden));
-    if (off > 0 || !(total <= limit)) {
+    if (off > 0 || !(std::max(total, depth) <= limit)) {
         for (std::size_t i = 0; i < n; ++i)
             if ((off == 0 || is_off[i]) && (worst == n || tare.forces[i] > tare.forces[worst])) worst = i;
         std::string what = "they are those of " + digits(total, 3) + " N, with " + digits(tare.forces[worst], 2) +
                            " N on " + skin.calibration.ids[worst];
         if (off > 0) what += ", and the means of " + counted(off, "taxel") + " are off the rest of their response";
+        if (depth > limit) what += "; they are as far below rest as " + digits(depth, 3) + " N are above it";
         const double mean = total / static_cast<double>(n);
         double products = 0, squares = 0;
         for (const auto& [i, j] : skin.calibration.pairs)

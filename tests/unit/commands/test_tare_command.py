@@ -60,6 +60,18 @@ def test_offset_has_to_be_accepted(sole, tmp_path, capsys):
     assert "warning: the readings at rest are accepted, although they are those of 16" in capsys.readouterr().err
 
 
+def test_later_frames_below_rest_are_named(sole, tmp_path, capsys):
+    """Something pressed all the time at rest, and was taken for an offset."""
+    pressed = str(tmp_path / "p.npz")
+    with np.load(sole[1]) as file:
+        readings = file["readings"].astype(int)
+        readings[:250, 9] += 75
+        np.savez(pressed, time=file["time"], readings=readings)
+    assert main(["tare", sole[0], pressed, "--rest", "1", "--accept"]) == 0
+    assert "warning: below_rest in 450 of 450 later frames: something may" in capsys.readouterr().err
+    assert main(["tare", *sole, "--rest", "1"]) == 0 and "below_rest" not in capsys.readouterr().err
+
+
 def test_few_frames_teach_no_noise(sole, tmp_path, capsys):
     """The file has the baseline, and the call warns."""
     few = str(tmp_path / "f.npz")

@@ -134,6 +134,14 @@ def test_tare_under_a_load_is_refused_unless_it_is_accepted():
     assert sole().tare(noise).warnings == ()
 
 
+def test_readings_far_below_rest_are_refused():
+    """Those that never change, as of a simulation, and those with noise."""
+    noise = np.random.default_rng(5).normal(size=(250, N))
+    for rows, words in ((0 * noise, "they are as far below rest as 84 N are above it"), (0.4 * noise, "42 taxels are")):
+        with pytest.raises(InvalidReading, match=words):
+            sole().tare(rows - 2.0)
+
+
 def test_even_load_at_the_start_is_not_learned():
     """No taxel shows it, but the sum of all does."""
     rng = np.random.default_rng(5)

@@ -149,6 +149,21 @@ def test_a_press_in_half_of_the_first_second_is_refused(tmp_path):
         read(tmp_path, ("time", "taxel", "fx", "fy", "fz", "tx", "ty", "tz"), rows)
 
 
+@pytest.mark.parametrize("force", [30, 100, 300])
+@pytest.mark.parametrize("is_numbered", [False, True])
+def test_a_press_in_all_of_the_first_second_is_refused(is_numbered, force, tmp_path):
+    """Its force does not change, so that it is taken for the rest; then these readings fall, while others rise."""
+    time, factor, number = session()
+    loads = 50 + np.eye(6)[np.maximum(number, 0)] * 100 * factor[:, None] + 0.0
+    loads[:105, 5] += force
+    rows = [(t, *load, 0.01 * k, 0, 0, k if k >= 0 else "") for t, load, k in zip(time, loads, number)]
+    header = ("time", *IDS, "x", "y", "z", "press")
+    if not is_numbered:
+        header, rows = header[:-1], [row[:-1] for row in rows]
+    with pytest.raises(CalibrationFormatError, match="line 2: .* of the rows .* the skin was pressed at rest. Record"):
+        read(tmp_path, header, rows)
+
+
 def test_lost_readings_do_not_turn_the_sign(tmp_path):
     """A row of zeros is farther from the rest than any press; readings still rise with force."""
     time, factor, number = session()
