@@ -21,6 +21,9 @@ MIN_ODDS = 3.0
 # [1] Logarithm of the odds of the planned order and any other before any touch, and of those of any exchange of two
 # rows, columns or boards. Larger: more touches for another order.
 PLANNED_ODDS, EXCHANGED_ODDS = 4.0, 7.0
+# [1] Logarithm of the largest odds of two orders that differ in one touch: it can be one that was recorded elsewhere.
+# Larger: odds of orders with few touches are too large.
+ODDS_OF_ONE = 5.0
 # [1] Touches that judge an order. Larger: more time.
 MAX_JUDGED = 200
 # [1] Orders that are registered exactly, after a coarse comparison of all. Larger: more time, safer.
@@ -63,30 +66,33 @@ class Wiring:
         return not self.rivals and not self.order.motion
 
 
-def judge(patch: Patch, rows: IntArray, points: Array, directions: Array, planned: Array) -> Wiring:
-    """Compare all orders of the channels of a patch by touches (m, 3) that the taxels ``rows`` (m,) felt."""
+def judge(patch: Patch, rows: IntArray, points: Array, directions: Array, planned: Array, noise: Array) -> Wiring:
+    """Compare all orders of the channels of a patch by touches (m, 3) that the taxels ``rows`` (m,) felt.
+
+    ``noise`` (m,) is the known error of the points, per axis [m].
+    """
     some = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MAX_JUDGED)).astype(int))
-    rows, points, directions = rows[some], points[some], directions[some]
+    rows, points, directions, noise = rows[some], points[some], directions[some], noise[some]
     found = _distinct(patch, rows)
     if not len(rows):  # all lines of action are along the skin
         return Wiring(found[0], np.inf, (), 0.0)
     prior = np.array([-order.prior_odds for order in found])
-    seen = _Seen.of(patch, points, directions)
+    seen = _Seen.of(patch, points, directions, noise)
     scores = prior + seen.coarse(np.array([order.rows for order in found]), planned)
     finalists = {0, *np.argsort(-scores)[:FINALISTS].tolist()}
-    exact = sorted(((prior[k] + seen.log_evidence(found[k].rows, planned), k) for k in finalists), reverse=True)
-    best = exact[0][0]
-    order = found[exact[0][1]]
-    explained = seen.explained(order.rows, planned)
-    rivals = tuple(found[k] for score, k in exact[1:] if score > best - MIN_ODDS)
-    # touches at the border of two columns fit both orders of these; an exchange has to explain what is unexplained
-    rivals = tuple(
-        rival
-        for rival in rivals
-        if rival.prior_odds != EXCHANGED_ODDS or (seen.explained(rival.rows, planned) & ~explained).any()
-    )
-    odds = float(best - exact[1][0]) if len(exact) > 1 else np.inf
-    return Wiring(order, odds, rivals, float(explained.mean()))
+    exact = {k: seen.judged(found[k].rows, planned) for k in finalists}
+    first, *others = sorted(exact, key=lambda k: prior[k] + exact[k][0], reverse=True)
+    order, (evidence, explained) = found[first], exact[first]
+    least, rivals = np.inf, []
+    for k in others:
+        other, (its_evidence, its_explained) = found[k], exact[k]
+        odds = float(prior[first] + evidence - prior[k] - its_evidence)
+        # touches at the border of two columns fit both orders of these; an exchange has to explain what is unexplained
+        if odds < MIN_ODDS and (other.prior_odds != EXCHANGED_ODDS or (its_explained & ~explained).any()):
+            rivals.append(other)
+        deciding = (order.rows != other.rows) & (explained | its_explained)
+        least = min(least, odds, ODDS_OF_ONE if deciding.sum() < 2 else np.inf)
+    return Wiring(order, least, tuple(rivals), float(explained.mean()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +103,10 @@ class _Seen:
     offsets: Array  # (m, n, 2) [m]
     is_near: BoolArray  # (m, n) whether height and incidence are plausible
     sides: Array  # (m, n) 1 for a line from inside to outside, -1, 0 for a point
+    noise: Array  # (m,) known error of the points [m]
 
     @classmethod
-    def of(cls, patch: Patch, points: Array, directions: Array) -> "_Seen":
+    def of(cls, patch: Patch, points: Array, directions: Array, noise: Array) -> "_Seen":
         taxels = patch.taxels
         everywhere = np.broadcast_to(np.arange(len(taxels.ids)), (len(points), len(taxels.ids)))
         offsets, known = seen_from(patch, everywhere, points[:, None], directions[:, None])
@@ -111,7 +118,7 @@ class _Seen:
             usual = float(np.median(heights[with_height, nearest]))
         is_near = known & ~(np.abs(heights - usual) > max(patch.pitch))
         sides = np.sign(directions @ taxels.normals_link.T)
-        return cls(patch, offsets[..., :2], is_near, sides)
+        return cls(patch, offsets[..., :2], is_near, sides, noise)
 
     def chosen(self, rows: IntArray) -> tuple[Array, BoolArray]:
         """Return the offsets (..., m, 2) from some taxels (..., m), and which touches can be of them."""
@@ -139,25 +146,17 @@ class _Seen:
         out -= 1.5 * np.log1p(((motions[:, :2] - planned[:2]) ** 2).sum(axis=1) / USUAL_SHIFT**2)[:, None]
         return log_mean(out)
 
-    def log_evidence(self, rows: IntArray, planned: Array) -> float:
-        """Return the logarithm of the evidence of an order."""
-        evidence = self.evidence(rows, planned)
-        if self.patch.kind == "imported":
-            still = np.zeros((1, 3))
-            return float(evidence.log_likelihood(still, evidence.probable(still[0], 0.0), 0.0)[0])
-        return posterior(evidence).log_evidence
-
-    def explained(self, rows: IntArray, planned: Array) -> BoolArray:
-        """Return which touches (m,) an order explains."""
-        evidence = self.evidence(rows, planned)
-        found = None if self.patch.kind == "imported" else posterior(evidence)
-        return evidence.explained(found) > 0.5
-
-    def evidence(self, rows: IntArray, planned: Array) -> Evidence:
-        """Return what the touches report if these taxels (m,) felt them."""
+    def judged(self, rows: IntArray, planned: Array) -> tuple[float, BoolArray]:
+        """Return the logarithm of the evidence of an order, and which touches (m,) it explains."""
         offsets, fits = self.chosen(rows)
         offsets = np.where(fits[:, None], offsets, FAR)
-        return Evidence.of_cells(self.patch, rows, offsets, planned, np.ones(len(rows)))
+        evidence = Evidence.of_cells(self.patch, rows, offsets, planned, np.ones(len(rows)), self.noise)
+        if self.patch.kind == "imported":
+            still = np.zeros((1, 3))
+            likelihood = evidence.log_likelihood(still, evidence.probable(still[0], 0.0), 0.0)
+            return float(likelihood[0]), evidence.explained(None) > 0.5
+        found = posterior(evidence)
+        return found.log_evidence, evidence.explained(found) > 0.5
 
 
 def _distinct(patch: Patch, rows: IntArray) -> list[Order]:

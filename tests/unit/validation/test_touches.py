@@ -299,6 +299,18 @@ def test_shifted_channels_are_wired_round():
     assert found["off by one, each too low"].tolist() == [1, 0]
 
 
+def test_one_touch_gives_no_large_odds():
+    """It can be one that was recorded elsewhere: whether two columns are exchanged, if only one of them was touched."""
+    j = SHEET.taxels.index[:, 1]
+    others = np.flatnonzero((j < 2) | (j > 3))
+    for extra, limits in ((np.flatnonzero(j == 2)[:1], (3, 5)), (np.flatnonzero(j == 2), (5, np.inf))):
+        rows = np.concatenate((others, extra))
+        points = points_after_motion(rows, (0.002, 0.0), 0.0, 0.8 * PITCH)
+        (found,) = placements(CALIBRATION, touched(CALIBRATION, rows, points))
+        assert found.wiring.order.words == "" and found.wiring.is_certain
+        assert limits[0] < found.wiring.odds <= limits[1]
+
+
 def test_order_of_wrenches_depends_on_the_side_that_they_push():
     """The line of a press goes through both sides of the link."""
     i, j = SHEET.taxels.index.T
