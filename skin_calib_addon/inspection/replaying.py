@@ -1,6 +1,6 @@
 """Replay of a recording on the skin of a link; frames are available in any order."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +20,16 @@ class Replay:
     """Readings of a recording, processed by the runtime."""
 
     def __init__(
-        self, calibration: LinkCalibration, recorded: Iterable[tuple[float, Array]], name: str, columns: str = ""
+        self,
+        calibration: LinkCalibration,
+        recorded: Iterable[tuple[float, Array]],
+        name: str,
+        columns: str = "",
+        notes: Sequence[str] = (),
     ):
         self.taxels = AllTaxels.of(calibration.patches)
         self.columns = columns  # which columns of the recording are which channels
+        self.notes = notes  # what a person should know of the recording
         self._skin = Skin(calibration)
         self._frames: list[Frame] = []
         self.strongest = 0.0  # largest force on a taxel in any frame [N]
@@ -41,7 +47,7 @@ class Replay:
     def read(cls, calibration: LinkCalibration, path: str | Path) -> "Replay":
         """Read a recording from a file, see `read_recording`."""
         recording = read_recording(path, Skin(calibration))
-        return cls(calibration, recording.frames, Path(path).name, recording.columns)
+        return cls(calibration, recording.frames, Path(path).name, recording.columns, recording.notes)
 
     def _take(self, reading: Array, name: str) -> None:
         """Check a reading and store it."""

@@ -94,6 +94,7 @@ def _message_lines(replay: Replay, frame: Any) -> Any:
         x, y = 1e3 * frame.cop
         yield f"CoP {x:.1f}, {y:.1f} mm on the ground"
     yield f"Columns: {replay.columns}"
+    yield from (f"The recording: {note}" for note in replay.notes)
     if frame.problem:
         yield frame.problem
     if frame.flags:

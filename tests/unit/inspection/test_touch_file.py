@@ -10,6 +10,7 @@ from skin_calib_addon.calibration import save_calibration
 from skin_calib_addon.calibration.file import to_document
 from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import CalibrationFormatError
+from skin_calib_addon.inspection.replaying import Replay
 from skin_calib_addon.inspection.touch_file import read_touch_file
 from skin_calib_addon.messages import encode, reading_message, schema_text
 from tests.samples import sheet, small_calibration
@@ -119,6 +120,7 @@ def test_recording_of_another_calibration_is_named(tmp_path):
     for checksum, count in ((to_document(CALIBRATION)["checksum"], 0), ("", 0), ("0123456789abcdef", 1)):
         path = write(tmp_path / "t.mcap", zip(times, readings), probes, calibration=checksum)
         notes = read_touch_file(path, CALIBRATION, no_mesh).notes
+        assert Replay.read(CALIBRATION, path).notes == notes
         assert len(notes) == count and all("recorded with another calibration (0123456789ab...)" in n for n in notes)
 
 
