@@ -38,7 +38,7 @@ from skin_calib_addon.pipeline.self_touch import moved_skins  # noqa: E402
 from skin_calib_addon.robot.urdf import Robot, read_robot  # noqa: E402
 from skin_calib_addon.validation.flat import flat_places  # noqa: E402
 from skin_calib_addon.validation.next_self_touch import next_touches  # noqa: E402
-from skin_calib_addon.validation.self_touch import SelfTouch, fit_self_touch  # noqa: E402
+from skin_calib_addon.validation.self_touch import PRIORS, SelfTouch, fit_self_touch  # noqa: E402
 from skin_calib_addon.validation.self_touch_session import read_session  # noqa: E402
 
 # Links with skin, the link of the hand, and the nominal tip in its frame [m].
@@ -109,6 +109,7 @@ class Truth:
         links, (self.hand, tip) = scene
         self.nominal = np.array(tip)
         self.tip = tip + self.rng.normal(0, TIP, 3)
+        self.motions: dict[str, Array] = {}  # shift and rotation of each skin [m, m, rad]
         self.skins = {link: self._moved(skins[link]) for link in links}
         joints = {name for link in (*links, self.hand) for name in self.chain.joints(link)}
         self.offsets = {name: self.rng.normal(0, OFFSET) for name in sorted(joints)}
@@ -119,6 +120,7 @@ class Truth:
         patch = max(skin.patches, key=lambda patch: len(patch.taxels.ids))
         taxels, (surface,) = patch.taxels, [surface_of(s) for s in skin.surfaces if s.name == patch.surface]
         shift, turn = self.rng.normal(0, SHIFT, 2), self.rng.normal(0, TURN)
+        self.motions[skin.link] = np.append(shift, turn)
         points, axes, steps = taxels.positions_link.copy(), taxels.axes_link.copy(), 10
         arms = flat_places(patch, taxels.index)
         arms = arms - arms.mean(axis=0)
@@ -203,7 +205,7 @@ def proposed(name: str, folder: Path) -> dict[str, LinkCalibration]:
 def compared(truth: Truth, found: SelfTouch, skins: dict[str, LinkCalibration]) -> dict[str, Array]:
     """Return errors [m, rad], and standard errors, of taxels (per axis) and joints."""
     after = moved_skins(found, skins)
-    errors, sigmas = [], []
+    errors, sigmas, least, best = [], [], [], bound(truth, found)
     for link, (patch, points, *_) in truth.skins.items():
         k = [p for _, p in found.model.session.patches].index(patch)
         if not (found.model.felt.patches == k).any():
@@ -211,7 +213,8 @@ def compared(truth: Truth, found: SelfTouch, skins: dict[str, LinkCalibration]) 
         (now,) = [p for p in after[link].patches if p.name == patch.name]
         axes = now.taxels.axes_link
         errors.append(np.einsum("nkc,nc->nk", axes, points - now.taxels.positions_link))
-        sigmas.append(np.sqrt(np.einsum("nkc,ncd,nkd->nk", axes, found.displacements(k)[1], axes)))
+        for of_taxels, one in ((sigmas, found), (least, best)):
+            of_taxels.append(np.sqrt(np.einsum("nkc,ncd,nkd->nk", axes, one.displacements(k)[1], axes)))
     rows = [k for k, unknown in enumerate(found.model.unknowns) if unknown.kind == "joint"]
     return {
         "taxels": np.concatenate(errors),
@@ -219,7 +222,33 @@ def compared(truth: Truth, found: SelfTouch, skins: dict[str, LinkCalibration]) 
         "joints": np.array([truth.offsets[found.model.unknowns[k].owner] - found.values[k] for k in rows]),
         "joint sigma": found.errors[rows],
         "learnt": found.learnt[rows],
+        "bound": np.concatenate(least),
+        "joint bound": best.errors[rows],
     }
+
+
+def bound(truth: Truth, found: SelfTouch) -> SelfTouch:
+    """Return the truth, with the least covariance of an estimate that knows the distributions of the errors.
+
+    It is the Bayesian Cramer-Rao bound: the inverse of the information of the touches at the truth, and of the
+    distributions. Residuals of a class are normal, with their standard deviation at the truth.
+    """
+    model, usual = found.model, PRIORS | {"joint": OFFSET, "tip": TIP, "shift": SHIFT, "turn": TURN}
+    values = np.zeros(len(model.unknowns))
+    for k, (kind, owner, axis) in enumerate(model.unknowns):
+        if kind == "joint":
+            values[k] = truth.offsets[owner]
+        elif kind == "tip":
+            values[k] = (truth.tip - truth.nominal)[axis]
+        elif kind in ("shift", "turn"):
+            values[k] = truth.motions[model.session.patches[owner][0]][2 if kind == "turn" else axis]
+        elif kind == "spot":
+            values[k] = found.values[k]
+    residuals, slopes = model.linearized(values)
+    scales = np.array([rms((residuals / model.sigmas)[model.classes == c]) for c in range(3)])
+    A = (slopes / (model.sigmas * scales[model.classes])[..., None]).reshape(-1, len(values))
+    precision = A.T @ A + np.diag([usual[unknown.kind] ** -2 for unknown in model.unknowns])
+    return replace(found, values=values, covariance=np.linalg.inv(precision))
 
 
 def of_robot(name: str, options: argparse.Namespace) -> None:
@@ -277,11 +306,14 @@ def fitted(truth: Truth, touches: Sequence, spot: float, robot: Robot, skins: di
 
 def summary(parts: list[dict[str, Array]]) -> str:
     """Return errors and coverage in words."""
-    taxels, sigma, joints, joint_sigma, learnt = (np.concatenate([part[key] for part in parts]) for key in parts[0])
+    taxels, sigma, joints, joint_sigma, learnt, *bounds = (
+        np.concatenate([part[key] for part in parts]) for key in parts[0]
+    )
     (z, q), known = (np.abs(taxels) / sigma, np.abs(joints) / joint_sigma), joints[learnt > 0.5]
     inside = [f"{100 * (x < 1).mean():.0f}, {100 * (x < 2).mean():.0f} %" for x in (z, q)]
     return (
-        f"taxels {rms(taxels) * 1e3:.2f} mm per axis, joints {np.rad2deg(rms(joints)):.2f} degrees, those that the "
+        f"taxels {rms(taxels) * 1e3:.2f} mm per axis (bound {rms(bounds[0]) * 1e3:.2f}), joints "
+        f"{np.rad2deg(rms(joints)):.2f} degrees (bound {np.rad2deg(rms(bounds[1])):.2f}), those that the "
         f"touches determine ({len(known)} of {len(joints)}) {np.rad2deg(rms(known)):.2f}; within one, two standard "
         f"errors: taxels {inside[0]}, joints {inside[1]}"
     )

@@ -15,10 +15,11 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import trimesh
@@ -605,6 +606,27 @@ def tool_sets(sets: int, seed: int) -> Iterator[str]:
         )
 
 
+def scatter_sets(sets: int, seed: int) -> Iterator[str]:
+    """Yield errors of the displacement by such touches, with the scatter of the poses known or not (one row each)."""
+    for turn, count, spot, is_known in product((0.2, 0.7), (12, 40), (None, 4e-3), (False, True)):
+        found = []
+        for k in range(sets):
+            rng = np.random.default_rng(seed + k)
+            moved = Moved.at_random(rng)
+            places = at_random(count, moved, rng)
+            felt, points = readings(moved.to_sheet(places), spot or 5e-3, rng), on_limb(places)
+            levers = np.hypot(LEVER, np.linalg.norm(points, axis=1) + 0.05)  # of the tool and of the link
+            sigma = np.hypot(np.sqrt(2) * 2e-4, np.deg2rad(turn) * levers)
+            points = points + rng.normal(size=points.shape) * sigma[:, None]
+            touches = read(columns_of(felt, points, spot is not None))
+            touches = replace(touches, tool=SimpleNamespace(sigma=sigma)) if is_known else touches
+            found.append(Error.of(placements(calibration(), touches)[0], moved, ()))
+        name = (
+            f"{turn} degrees, {count} presses, {'spot 4 mm' if spot else 'strongest'}, {'' if is_known else 'un'}known"
+        )
+        yield line(name, found, f"{sigma.mean() * 1e3:.2f} mm per axis of a touch")
+
+
 STUDIES = {
     "random": random_sets,
     "planned": planned_sets,
@@ -616,6 +638,7 @@ STUDIES = {
     "response": response_sets,
     "gravity": gravity_sets,
     "tool": tool_sets,
+    "scatter": scatter_sets,
 }
 
 

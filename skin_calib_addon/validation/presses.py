@@ -21,7 +21,7 @@ MIN_PRESS_FORCE = 0.03
 # below rest, in ``MAX_BELOW`` of the rows, that shows a press at rest. Larger: takes readings of a press for those at
 # rest; smaller: refuses weak presses, and sensors that drift.
 MAX_REST_FORCE = 0.2
-MAX_BELOW = 0.25  # [fraction of the rows] Larger: misses presses at rest; smaller: refuses taxels that are lost for long.
+MAX_BELOW = 0.25  # [fraction of the rows] Larger: misses presses at rest; smaller: refuses taxels that are lost.
 # [fraction of the rows] whose largest differences show whether readings rise or fall with force. Larger: rows without
 # valid readings decide; smaller: misses rare presses.
 USUAL_ROWS = 0.99

@@ -187,11 +187,10 @@ class Evidence:
 
         ``blur`` [m] adds to every noise.
         """
-        depths, known = self.depths(motions), self.axes.any(axis=2).sum(axis=1)
-        inside = {
-            edge: self.cells / (1 + np.exp(np.minimum(-LOGISTIC_SCALE / np.hypot(np.maximum(edge, self.noise), blur) * depths, 50.0)))
-            for edge in {noise.edge for noise in noises}
-        }
+        depths, known, inside = self.depths(motions), self.axes.any(axis=2).sum(axis=1), {}
+        for edge in {noise.edge for noise in noises}:
+            slopes = -LOGISTIC_SCALE / np.hypot(np.maximum(edge, self.noise), blur)
+            inside[edge] = self.cells / (1 + np.exp(np.minimum(slopes * depths, 50.0)))
         misses = {spot: self.misses(motions, spot) for spot in {noise.spot for noise in noises}} if known.any() else {}
         near = {}
         for noise in noises:

@@ -35,7 +35,7 @@ class Noise:
     position: float  # [m]
     rotation: float  # [rad]
 
-    def at(self, levers: Array) -> Array:
+    def at(self, levers: Array | float) -> Array:
         """Return the uncertainty per axis across levers [m] at their ends [m]."""
         return np.asarray(np.hypot(self.position, self.rotation * levers))
 

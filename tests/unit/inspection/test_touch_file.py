@@ -50,7 +50,9 @@ def write(path, readings, probes, kind="WrenchStamped", calibration=""):
         theirs = writer.register_schema(f"geometry_msgs/msg/{kind}", "ros2msg", TEXTS[kind].encode())
         channel, other = (writer.register_channel(f"/{schema}", "cdr", schema) for schema in (ours, theirs))
         for k, (time, row) in enumerate(readings):
-            writer.add_message(channel, k, encode("SkinReading", reading_message(LINK, row, time, k, calibration=calibration)), k)
+            writer.add_message(
+                channel, k, encode("SkinReading", reading_message(LINK, row, time, k, calibration=calibration)), k
+            )
         for k, (frame, time, numbers) in enumerate(probes):
             writer.add_message(other, k, stamped(frame, time, numbers), k)
         writer.finish()
