@@ -25,6 +25,8 @@ MAX_BELOW = 0.25  # [fraction of the rows] Larger: misses presses at rest; small
 # [fraction of the rows] whose largest differences show whether readings rise or fall with force. Larger: rows without
 # valid readings decide; smaller: misses rare presses.
 USUAL_ROWS = 0.99
+# [fraction of the rows] after the first second, in which the force is that of this second. Larger: warns of short pauses.
+MIN_FREE = 0.1
 PLATEAU = 0.8  # [fraction of the largest force of a press] from which on rows count. Larger: fewer rows.
 # [fraction of the force of the weaker press] down to which the force falls between two presses. Larger: a press of
 # changing force is several. Smaller: presses without a pause are one.
@@ -60,6 +62,7 @@ class Presses:
     rest: Array | None = None  # (k,) readings without contact, which are subtracted; None: not known
     sign: int = 1  # -1: readings fall with force, and are the negative of those in the file
     force_noise: float | None = None  # of a press, per axis [N]; None: not known
+    notes: tuple[str, ...] = ()  # what a person should know of them
 
 
 def find_presses(recorded: Recorded, centres: dict[str, Array]) -> Presses:
@@ -164,8 +167,12 @@ def _by_force(recorded: Recorded, times: Array) -> Presses:
     if is_pressed or count == 0 or (numbers[at_rest] >= 0).any():
         message = "no press was found" if count == 0 and not is_pressed else "the skin is pressed in the first second"
         raise TableError(line, f"{message}. {AGAIN}")
+    notes = []
+    if (free := float((smooth <= limit)[~at_rest].mean())) < MIN_FREE:
+        what = f"the total force is that of the first {REST_TIME:g} s in {free:.0%} of the later rows"
+        notes.append(f"{what}: something pressed in it, or presses have no pauses. {AGAIN}")
     of_medians = None if noise is None else noise * float(np.sqrt(np.pi / 2 / np.median(sizes)))
-    return replace(tared, force_noise=of_medians)
+    return replace(tared, force_noise=of_medians, notes=tuple(notes))
 
 
 def _runs(is_on: BoolArray) -> list[tuple[int, int]]:

@@ -304,6 +304,7 @@ def _touches(
         rows=len(recorded.lines),
         recording=presses,
         tool=tool,
+        notes=presses.notes,
     )
 
 

@@ -149,6 +149,17 @@ def test_a_press_in_half_of_the_first_second_is_refused(tmp_path):
         read(tmp_path, ("time", "taxel", "fx", "fy", "fz", "tx", "ty", "tz"), rows)
 
 
+def test_a_force_that_never_is_that_of_the_first_second_is_named(tmp_path):
+    """Something pressed in all of it: the difference to its force is that of a press without an end."""
+    time, factor, number = session()
+    header = ("time", "taxel", "fx", "fy", "fz", "tx", "ty", "tz")
+    for first, count in ((0.0, 0), (6.0, 1)):
+        forces = factor[:, None] * (0.0, 0.0, -6.0) + np.where(time < 1.05, first, 0.0)[:, None] * (1, 0, 0)
+        rows = [(t, IDS[max(k, 0)], *f, 0.01, 0, 0) for t, f, k in zip(time, forces, number)]
+        notes = read(tmp_path, header, rows).notes
+        assert len(notes) == count and all("that of the first 1 s in 0% of the later rows" in note for note in notes)
+
+
 @pytest.mark.parametrize("force", [30, 100, 300])
 @pytest.mark.parametrize("is_numbered", [False, True])
 def test_a_press_in_all_of_the_first_second_is_refused(is_numbered, force, tmp_path):
