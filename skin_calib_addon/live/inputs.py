@@ -82,7 +82,9 @@ class SerialInput(Input):
             self._port: Any = serial.Serial(device, baud, timeout=WAIT)
             self._port.write(getattr(decoder, "start", b""))
         except (serial.SerialException, ValueError) as problem:
-            raise SkinCalibError(f"cannot read {device} with {baud} baud: {problem}. Check its name and permissions") from problem
+            raise SkinCalibError(
+                f"cannot read {device} with {baud} baud: {problem}. Check its name and permissions"
+            ) from problem
         self._decoder, self.text = decoder, f"{device}, {baud} baud"
 
     def read(self) -> list[Reading]:

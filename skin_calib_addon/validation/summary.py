@@ -7,7 +7,7 @@ import numpy as np
 from ..common.arrays import Array
 from .placement import MIN_TOUCHES, Placement, odds_in_words
 from .planning import next_touch
-from .registration import MIN_SIGNIFICANCE, Motion
+from .registration import MIN_SQUARED_DISTANCE, Motion
 
 
 def summarize(placement: Placement) -> Iterator[str]:
@@ -65,7 +65,7 @@ def _displacement(placement: Placement) -> str:
     score = moved @ np.linalg.pinv(covariance, rcond=1e-6, hermitian=True) @ moved
     x, y, z = np.round(moved * 1e3, 2) + 0.0
     error = 1e3 * float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
-    verdict = "" if score > MIN_SIGNIFICANCE else ": not significant"
+    verdict = "" if score > MIN_SQUARED_DISTANCE else ": not significant"
     return f"displaced by ({x:.2f}, {y:.2f}, {z:.2f}) +- {error:.2f} mm in the link frame{verdict}"
 
 
