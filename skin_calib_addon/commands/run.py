@@ -149,7 +149,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _report(message: str) -> None:
-    """Print a message, unless its reader stalls, such as a terminal over a network: it must not stop the loop."""
+    """Print a message if its reader takes it: a terminal over a network may not, and must not stop the loop."""
     with suppress(OSError, ValueError):  # for what is no pipe and no terminal
         if not select.select((), (sys.stderr,), (), 0)[1]:
             return

@@ -136,7 +136,7 @@ def test_messages_that_nobody_reads_do_not_end_it(calibration, recording, tmp_pa
     assert len([topic for topic, _ in contents(out) if topic.endswith("frame")]) == 150
 
 
-def test_terminal_that_stalls_does_not_stop_it(calibration, recording, tmp_path, monkeypatch):
+def test_terminal_that_takes_no_more_does_not_stop_it(calibration, recording, tmp_path, monkeypatch):
     """A pipe that is full, and nobody reads: as a terminal after Ctrl+S, or over a network that fails."""
     out, (reader, writer) = tmp_path / "out.mcap", os.pipe()
     os.set_blocking(writer, False)
