@@ -25,7 +25,7 @@ MAX_BELOW = 0.25  # [fraction of the rows] Larger: misses presses at rest; small
 # [fraction of the rows] whose largest differences show whether readings rise or fall with force. Larger: rows without
 # valid readings decide; smaller: misses rare presses.
 USUAL_ROWS = 0.99
-# [fraction of the rows] after the first second, in which the force is as in it. Larger: warns of short pauses.
+# [fraction of the rows] after the first second with its force. Larger: warns of short pauses.
 MIN_FREE = 0.1
 PLATEAU = 0.8  # [fraction of the largest force of a press] from which on rows count. Larger: fewer rows.
 # [fraction of the force of the weaker press] down to which the force falls between two presses. Larger: a press of
