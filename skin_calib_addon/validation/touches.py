@@ -135,7 +135,7 @@ def touches_of(
         )
     with naming_file(path):
         found = _touches(presses, felt, columns, find_contacts)
-    notes = _moving(presses, found, centres)
+    notes = (*found.notes, *_moving(presses, found, centres))
     return replace(found, sha256=file_hash(Path(path)) or "", notes=notes)
 
 
