@@ -144,7 +144,7 @@ def run(options: argparse.Namespace) -> int:
             lambda rows: f"rest: {rested(skin, rows, options.input.name, options.accept)}",
             options.arrival_time,
         )
-    say(status.total())
+        say(status.total())
     return DONE
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..calibration.model import LinkCalibration
 from ..common.arrays import Array
-from ..common.errors import SkinCalibError, counted
+from ..common.errors import OutputError, SkinCalibError, counted
 from ..messages.cdr import encode
 from ..messages.content import frame_message, layout_message, reading_message
 from ..messages.mcap_file import TOPICS
@@ -55,6 +55,7 @@ class Status:
         counts["restarts"] += self.restarts
         words = [f"{name} {count}" for name, count in counts.items() if count]
         words += [f"not sent {o.unsent} ({o.reason})" for o in self._outputs if o.unsent]
+        words += [f"{o.text} ended" for o in self._outputs if o.failure]
         return ", ".join(words) or "no fault counted"
 
     def due(self) -> str | None:
@@ -103,8 +104,14 @@ def run(
     def publish(topic: str, message: Mapping[str, Any], at: float, cycle: int) -> None:
         data = encode(TOPICS[topic][0], message)
         for output in outputs:
-            if topic in output.topics:
-                output.send(topic, data, at, cycle)
+            if topic in output.topics and output.failure is None:
+                try:
+                    output.send(topic, data, at, cycle)
+                except OutputError as problem:
+                    output.failure = problem
+                    if all(output.failure for output in outputs):
+                        raise
+                    report(f"{problem}. The other outputs go on")
 
     readings = _readings(source, status, report, is_stopped, by_arrival)
     if rest:

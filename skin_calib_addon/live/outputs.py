@@ -22,6 +22,7 @@ class Output:
     topics: tuple[str, ...] = ("frame",)  # what it wants, see messages.mcap_file.TOPICS
     unsent = 0  # messages that could not be sent
     reason = ""  # why, of the last one
+    failure: OutputError | None = None  # after which it gets no messages
 
     def send(self, topic: str, data: bytes, time: float, cycle: int) -> None:
         """Publish a message of a reading with its time [s] and its number; a layout is the first."""
@@ -62,8 +63,10 @@ class McapOutput(Output):
                 self._file.write(topic, data, time, cycle)
 
     def close(self) -> None:
-        """Complete the file."""
+        """Complete the file, or raise what has ended it."""
         with self._naming(), self._stream:
+            if self.failure:
+                raise self.failure
             if self._file is None:
                 Path(self.text).unlink(missing_ok=True)
             else:

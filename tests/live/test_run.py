@@ -120,11 +120,14 @@ def test_serial_line_gives_the_same_frames(calibration, tmp_path):
     assert "3000000 baud: " in (last := run.err.splitlines()[-1]) and last.endswith("Check the cable, and start again")
 
 
+LIMITED = ["sh", "-c", 'ulimit -f 200 && exec "$@"', "sh"]  # the size of a file stands for a full disk
+
+
 def test_full_disk_ends_with_one_line(calibration, tmp_path):
-    """The limit of the size of a file stands for the disk; a file that exists is not replaced, either."""
-    port, limited = free_port(), ["sh", "-c", 'ulimit -f 200 && exec "$@"', "sh"]
+    """A file that exists is not replaced, either."""
+    port = free_port()
     command = [sys.executable, "-m", "skin_calib_addon", "run", calibration, "--input", f"udp:{port}", "--output"]
-    with Process(tmp_path, "run", *limited, *command, "mcap:out.mcap") as run:
+    with Process(tmp_path, "run", *LIMITED, *command, "mcap:out.mcap") as run:
         run.wait_for(lambda run: "priority" in run.err)
         send(port, packets(np.random.default_rng(1).integers(0, 4096, (1500, N)).astype(np.uint16)), 2e-4)
         assert run.process.wait(WAIT) == 2
@@ -132,3 +135,18 @@ def test_full_disk_ends_with_one_line(calibration, tmp_path):
     with Process(tmp_path, "again", *command, "mcap:out.mcap") as again:
         assert again.process.wait(WAIT) == 2
     assert again.err.count("\n") == 1 and "cannot write 'out.mcap': File exists" in again.err
+
+
+def test_full_disk_does_not_end_the_other_outputs(calibration, tmp_path):
+    """A recording must not take the skin from the controller. It is named, and the exit code states it."""
+    port, count = free_port(), 1500
+    command = [sys.executable, "-m", "skin_calib_addon", "run", calibration, "--input", f"udp:{port}"]
+    with Receiver() as receiver:
+        outputs = ["--output", "mcap:out.mcap", "--output", f"udp:{receiver.port}"]
+        with Process(tmp_path, "run", *LIMITED, *command, *outputs) as run:
+            run.wait_for(lambda run: "priority" in run.err)
+            send(port, packets(np.random.default_rng(1).integers(0, 4096, (count, N)).astype(np.uint16)), 1e-3)
+            assert decode("SkinFrame", receiver.get(count)[-1])["cycle"] == count - 1
+            assert run.stop() == 2
+    assert "cannot write 'out.mcap': File too large. " in run.err and "The other outputs go on" in run.err
+    assert "out.mcap ended" in run.out and run.err.splitlines()[-1].startswith("skin-calib: cannot write 'out.mcap'")
