@@ -27,6 +27,7 @@ MAX_BELOW = 0.25  # [fraction of the rows] Larger: misses presses at rest; small
 USUAL_ROWS = 0.99
 # [fraction of the rows] after the first second with its force. Larger: warns of short pauses.
 MIN_FREE = 0.1
+MAX_NUMBER = 10**9  # of a press. Larger: no effect.
 PLATEAU = 0.8  # [fraction of the largest force of a press] from which on rows count. Larger: fewer rows.
 # [fraction of the force of the weaker press] down to which the force falls between two presses. Larger: a press of
 # changing force is several. Smaller: presses without a pause are one.
@@ -68,14 +69,31 @@ class Presses:
 def find_presses(recorded: Recorded, centres: dict[str, Array]) -> Presses:
     """Return the presses by their numbers in the file, or else by the total force over time, or else by position."""
     if recorded.presses is not None:
-        numbers = np.rint(recorded.presses).astype(np.int64)
-        if (numbers < 0).all():
-            raise TableError(int(recorded.lines[0]), 'no row has a number in the column "press"')
+        numbers = _given(recorded.presses, recorded.lines)
         return _tared(recorded, numbers, np.arange(len(numbers)) < int(np.argmax(numbers >= 0)))
     has_force = recorded.wrenches is not None or recorded.readings.shape[1] > 0
     if recorded.times is not None and has_force:
         return _by_force(recorded, recorded.times)
     return Presses(recorded, _by_place(recorded, centres))
+
+
+def _given(presses: Array, lines: IntArray) -> IntArray:
+    """Return the numbers of the presses in a file, whose rows have to follow each other."""
+    wrong = np.flatnonzero((np.rint(presses) != presses) | (np.abs(presses) > MAX_NUMBER))
+    if len(wrong):
+        message = f"the number of the press is {presses[wrong[0]]:g}, which is no integer up to {MAX_NUMBER}"
+        raise TableError(int(lines[wrong[0]]), message)
+    numbers = presses.astype(np.int64)
+    pressed = np.flatnonzero(numbers >= 0)
+    if not len(pressed):
+        raise TableError(int(lines[0]), 'no row has a number in the column "press"')
+    starts = pressed[np.flatnonzero(np.diff(numbers[pressed], prepend=-1))]
+    _, firsts = np.unique(numbers[starts], return_index=True)
+    if again := sorted({*range(len(starts))} - {*firsts.tolist()}):
+        row = starts[again[0]]
+        message = f"press {numbers[row]} has rows above, before those of other presses. Give each press its own number"
+        raise TableError(int(lines[row]), message)
+    return numbers
 
 
 def _tared(recorded: Recorded, numbers: IntArray, at_rest: BoolArray) -> Presses:

@@ -35,6 +35,20 @@ def test_rows_with_one_number_are_one_press(tmp_path):
     assert found.points.tolist() == [[0.2, 0, 0], [1, 2, 3]]
 
 
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        ((0, 1, "", 1, 0), "line 6: press 0 has rows above, before those of other presses. Give each press its own"),
+        ((0, 1.5), "line 3: the number of the press is 1.5, which is no integer"),
+        ((0, 1e300), "line 3: the number of the press is 1e+300, which is no integer"),
+    ],
+)
+def test_numbers_of_presses_are_checked(tmp_path, numbers, message):
+    """Two sessions one after the other would have the medians of two touches."""
+    with pytest.raises(CalibrationFormatError, match=message.replace("+", r"\+")):
+        read(tmp_path, ("taxel", "x", "y", "z", "press"), [("s0.0", 0, 0, 0, number) for number in numbers])
+
+
 def test_successive_rows_at_one_place_are_one_press(tmp_path):
     """A noisy row does not end a press; another taxel, and another place in the same cell, do."""
     rng = np.random.default_rng(0)
