@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from skin_calib_addon.validation.flat import normals_at
 from tests.blender.conftest import BAND, modules
 from tests.blender.test_registration import draw
 
@@ -128,7 +129,11 @@ def test_presses_have_arrows_ellipses_and_a_list(bpy, ours, table, tmp_path):
     bpy.ops.skin_calib.touches(filepath=str(path))
     layers = {layer.what: layer.points for layer in ours.drawing.shown_layers(bpy.context.object)}
     force, normal = (layers[name][:60].reshape(30, 2, 3) for name in ("FORCES", "TOUCHED_NORMALS"))
-    assert_allclose(force[:, 1] - force[:, 0], -(normal[:, 1] - normal[:, 0]), atol=1e-5)
+    at_taxels, at_touches = force[:, 0] - force[:, 1], normal[:, 1] - normal[:, 0]
+    assert_allclose(at_taxels, 1.2 * 0.0085 * taxels.normals_link[rows], atol=1e-5)
+    (patch,) = ours.results.find(bpy.context.object.skin_calib.result.key).calibration.patches
+    assert_allclose(at_touches, 1.2 * 0.0085 * normals_at(patch, normal[:, 0]), atol=1e-5)
+    assert 0.001 < np.abs(at_touches - at_taxels).max() < 0.005  # 5 mm from the taxel the skin is curved
     assert_allclose(force[:, 1], points, atol=6e-4)  # the skin is below the tangent plane: 5 mm squared / 2 / 22 mm
     assert len(layers["ELLIPSES"]) == 5 * 48 * 2 and len(layers["NEXT"]) == 8
     found = bpy.context.object.skin_calib.inspect.touches

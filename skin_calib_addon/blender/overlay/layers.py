@@ -18,7 +18,7 @@ from ...inspection.all_taxels import AllTaxels
 from ...inspection.comparison import Comparison
 from ...runtime import Frame
 from ...validation import Placement, next_touch
-from ...validation.flat import flat_places
+from ...validation.flat import flat_places, normals_at
 from ...validation.registration import moves_of
 from .scales import Legend, largest_size
 
@@ -408,9 +408,9 @@ def _forces_of(placement: Placement) -> Iterator[Layer]:
     """Yield arrows of the forces of touches and of the normals there, which begin at the same point if forces push."""
     pushed = placement.directions.any(axis=1)
     if pushed.any():
-        normals, forces = placement.patch.taxels.normals_link[placement.rows[pushed]], placement.directions[pushed]
+        forces, places = placement.directions[pushed], placement.places[pushed]
+        normals, length = normals_at(placement.patch, places), ARROW_LENGTH * min(placement.patch.pitch)
         into = np.where((forces * normals).sum(axis=1) < 0, -1.0, 1.0)[:, None]
-        length, places = ARROW_LENGTH * min(placement.patch.pitch), placement.places[pushed]
         outer = places + length * into * forces
         ends = np.stack((np.where(into < 0, outer, places), np.where(into < 0, places, outer)), axis=1)
         yield Layer("FORCES", _single(_arrows(ends)), colour=PINK, width=2.0, words="force")
