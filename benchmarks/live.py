@@ -37,6 +37,7 @@ ROWS, COLUMNS = 30, 42
 REST = 200
 PROGRAM = [sys.executable, "-m", "benchmarks.live"]
 NORMAL = ["setpriv", "--bounding-set=-sys_nice"]  # without the right to real-time priority
+OUTPUTS = ("dds", "mcap", "udp", "cpp-dds", "cpp-udp")
 PAUSE = 5_000_000  # [ns] delay from which on the machine has paused; the sender then sends no packets late
 
 
@@ -172,7 +173,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=int, default=60)
-    parser.add_argument("--output", nargs="+", default=["dds", "mcap", "udp"])
+    parser.add_argument("--output", nargs="+", choices=OUTPUTS, default=["dds", "mcap", "udp"])
     parser.add_argument("--load", type=int, nargs="+", default=[0, 2], help="processes that compute all the time")
     parser.add_argument("--send", type=int, nargs=2, metavar=("PORT", "COUNT"), help=argparse.SUPPRESS)
     parser.add_argument("--watch", type=int, help=argparse.SUPPRESS)
