@@ -96,7 +96,8 @@ def run(
 
     ``report`` gets a line each second, ``is_stopped`` is asked ten times a second. With the first ``rest`` readings,
     which give no frame, ``tare`` sets the baseline; it returns what it learned, as words. ``by_arrival``: the time of a
-    reading is that of its arrival on the clock of this computer.
+    reading is that of its arrival on the clock of this computer. An output that raises an OutputError gets no more
+    messages; the last one raises it here.
     """
     link, checksum, noise = skin.link, skin.checksum, object()
     is_recorded = any("reading" in output.topics for output in outputs)
